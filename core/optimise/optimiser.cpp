@@ -153,6 +153,17 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
 
 Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration,
                                 const RunControl& control) {
+  if (!set_up_->layers.held.empty() && coordinates.size() == set_up_->mesh.coordinates.size()) {
+    // Layers were found in other coordinates, or are no longer as they came.
+    HighOrderMesh again = set_up_->mesh;
+    again.coordinates = std::move(coordinates);
+    Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(again), set_up_->options);
+    if (!prepared) return tl::unexpected(prepared.error());
+    (*prepared)->clockwise = std::move(set_up_->clockwise);  // the cells of this copy were turned already
+    set_up_ = std::move(*prepared);
+    StopToken stop(control.stop_asked);
+    return optimise_set_up(*set_up_, on_iteration, control, stop);
+  }
   HighOrderMesh& mesh = set_up_->mesh;
   if (coordinates.size() != mesh.coordinates.size())
     return bad_input("There are " + std::to_string(coordinates.size()) + " coordinates; the mesh has " +

@@ -29,6 +29,18 @@ HighOrderMesh with_coordinates(HighOrderMesh& mesh, std::vector<double> coordina
   return copy;
 }
 
+/// What was done about layers.
+std::string layers_text(const LayerStart& layers) {
+  const auto elements = [](std::int64_t count) {
+    return std::to_string(count) + (count == 1 ? " element" : " elements");
+  };
+  std::string text =
+      elements(layers.cells) + (layers.cells == 1 ? " lies" : " lie") + " in layers along a curved wall. ";
+  if (layers.placed > 0)
+    text += "The nodes of " + elements(layers.placed) + " of them were placed on surfaces parallel to the wall. ";
+  return text + "Nodes that lie on such surfaces stay.";
+}
+
 std::string pair_text(const QualityReport& report) {
   char text[64];
   std::snprintf(text, sizeof text, "%.3g and %.3g", report.min_scaled_jacobian, report.mean_scaled_jacobian);
@@ -50,17 +62,16 @@ Run::Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& contr
 
 Result Run::go() {
   if (control_.checkpoint.empty()) grace_.watch();
-  const Stopwatch proof_watch;
-  grace_.finish([&] { prove(); }, [] {});
-  result_.proof_seconds = proof_watch.seconds();
   result_.sizes = set_up_.summary;
-  result_.before = report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_);
+  judge_as_it_came();
   result_.seconds = watch_.seconds();
-  const bool iterates = options_.max_iterations > 0 && set_up_.summary.free_nodes > 0 && !grace_.stopped();
+  const bool iterates = options_.max_iterations > 0 && !has_no_free_node() && !grace_.stopped();
   if (iterates) run_stages();
   const Stopwatch after_stages;
-  const std::string unmoved = grace_.stopped() ? "" : why_unmoved();
-  if (!iterates || !unmoved.empty()) {
+  const bool is_placed = !set_up_.as_it_came.empty();  // layers were brought into form, so the mesh has changed
+  const std::string unmoved = grace_.stopped() || is_placed ? "" : why_unmoved();
+  if (!iterates && is_placed) result_.mesh.coordinates = set_up_.mesh.coordinates;
+  if (!is_placed && (!iterates || !unmoved.empty())) {
     take_as_it_came(unmoved);
     if (grace_.stopped()) grace_.say_stopped(result_);
   } else {
@@ -68,6 +79,24 @@ Result Run::go() {
     result_.seconds += after_stages.seconds();
   }
   return std::move(result_);
+}
+
+void Run::judge_as_it_came() {
+  std::vector<double>& coordinates = set_up_.mesh.coordinates;
+  const auto prove_it = [&] {
+    const Stopwatch watch;
+    grace_.finish([&] { prove(); }, [] {});
+    result_.proof_seconds += watch.seconds();
+  };
+  const auto swap_layers = [&] {
+    if (!set_up_.as_it_came.empty()) coordinates.swap(set_up_.as_it_came);
+  };
+  swap_layers();
+  prove_it();
+  result_.before = report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_);
+  swap_layers();
+  if (!set_up_.as_it_came.empty()) prove_it();
+  if (!set_up_.layers.held.empty()) result_.notes.push_back(layers_text(set_up_.layers));
 }
 
 void Run::prove() {
@@ -83,6 +112,7 @@ std::string Run::why_unmoved() {
   if (set_up_.summary.free_nodes == 0)
     return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. 'varimesh "
            "optimise --order' gives elements inner nodes, and '--free' frees interfaces.";
+  if (has_no_free_node()) return "All nodes lie on surfaces parallel to a curved wall already, so nothing was moved.";
   if (result_.iterations == 0 && result_.stop_reason == StopReason::Valid)
     return "Every element is certified valid already, so nothing was moved.";
   if (result_.iterations == 0 && result_.stop_reason == StopReason::Quality)
@@ -106,7 +136,7 @@ void Run::take_as_it_came(const std::string& why) {
   result_.mesh = set_up_.mesh;
   result_.after = result_.before;
   if (!why.empty()) result_.notes.push_back(why);
-  if (set_up_.summary.free_nodes > 0 || options_.max_iterations == 0) return;
+  if (!has_no_free_node() || options_.max_iterations == 0) return;
   result_.converged = true;  // there is no free node that could be far from the optimum
   result_.stop_reason = StopReason::Converged;
 }

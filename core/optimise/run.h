@@ -37,9 +37,16 @@ class Run {
  private:
   // ===== run.cpp: before and after the stages =====
 
+  /// The quality of the mesh as it came. Afterwards `certificates_` are those of the mesh of the set-up, in which
+  /// layers have been brought into form.
+  void judge_as_it_came();
   /// Certifies the mesh. If a cell is not valid, finds what cannot be repaired; if all are, there is nothing to repair.
   void prove();
   bool came_valid() const { return result_.before.uncertified.empty(); }
+  /// Nothing may move, or only nodes that layers hold.
+  bool has_no_free_node() const {
+    return set_up_.summary.free_nodes == 0 || (!set_up_.stages.empty() && set_up_.problem.free.empty());
+  }
   bool is_for_accuracy() const { return options_.objective == Objective::Accuracy; }
   /// Why nothing was moved, though the run was not stopped; empty if something may have been moved.
   std::string why_unmoved();

@@ -56,6 +56,24 @@ Expected<void> prepare(HighOrderMesh& mesh, const Options& options, const Team& 
   return {};
 }
 
+/// Brings layers into form, and fixes their nodes (core/layers/layers.h), if the objective is accuracy and the elements
+/// aim at their straight-sided shapes. A mesh that came in valid keeps its nodes, so there is nothing to be moved in
+/// it.
+void start_with_layers(SetUp& set_up, const Facets& facets, const Team& team) {
+  const Options& options = set_up.options;
+  const bool is_wanted = options.objective == Objective::Accuracy && options.target == Target::StraightSided &&
+                         options.method == Method::Auto && options.max_iterations > 0 &&
+                         options.repair != Repair::Split;
+  if (!is_wanted) return;
+  team.run([&] { set_up.layers = start_layers(set_up.mesh, facets, set_up.fixed, team); });
+  if (!set_up.layers.coordinates.empty()) {
+    set_up.as_it_came = std::move(set_up.mesh.coordinates);
+    set_up.mesh.coordinates = std::move(set_up.layers.coordinates);
+  }
+  for (std::size_t node = 0; node < set_up.layers.held.size(); ++node)
+    if (set_up.layers.held[node] != 0) set_up.fixed[node] = true;
+}
+
 }  // namespace
 
 MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team) {
@@ -93,7 +111,7 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& giv
   if (!checked) return tl::unexpected(checked.error());
   options.objective = objective_of(options, mesh.order);
   // Outside team.run(), because a region by quality brings a team of its own.
-  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, std::move(facets));
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, facets);
   if (!fixed) return tl::unexpected(fixed.error());
   Expected<StretchField> target = resolve_target_field(mesh, options);
   if (!target) return tl::unexpected(target.error());
@@ -103,16 +121,18 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& giv
   result->clockwise = std::move(clockwise);
   result->fixed = *fixed;
   result->target = std::move(*target);
+  team.run([&] { result->summary = mesh_summary(mesh, *fixed, team); });
+  result->mesh = std::move(mesh);
+  start_with_layers(*result, facets, team);
+  facets = {};
   const auto iterates = [&] {
     return options.max_iterations > 0 && options.repair != Repair::Split && (stop == nullptr || !stop->stopped());
   };
   team.run([&] {
-    result->summary = mesh_summary(mesh, *fixed, team);
-    if (iterates()) result->problem = build_problem(mesh, *fixed, options.quadrature_degree, team);
+    if (iterates()) result->problem = build_problem(result->mesh, result->fixed, options.quadrature_degree, team);
     if (iterates()) result->coloured = colour_nodes(result->problem, options.colouring, team);
-    if (iterates()) result->stages = make_stages(options, mesh.dimension);
+    if (iterates()) result->stages = make_stages(options, result->mesh.dimension);
   });
-  result->mesh = std::move(mesh);
   result->seconds = watch.seconds();
   return result;
 }

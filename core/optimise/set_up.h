@@ -7,6 +7,7 @@
 #include "core/base/error.h"
 #include "core/base/stop_token.h"
 #include "core/base/team.h"
+#include "core/layers/layers.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/result.h"
 #include "core/optimise/stages.h"
@@ -21,11 +22,15 @@ namespace varimesh {
 
 /// A checked mesh with everything that its runs share. It must stay where it is in memory while a run refers to it.
 struct SetUp {
-  HighOrderMesh mesh;           ///< In the order in which it is optimised, without clockwise cells.
+  HighOrderMesh mesh;  ///< In the order in which it is optimised, without clockwise cells.
+  /// Layers at curved walls, with Objective::Accuracy. If their nodes were moved, `mesh` has them where they went, and
+  /// `as_it_came` the coordinates before; otherwise it is empty.
+  LayerStart layers;
+  std::vector<double> as_it_came;
   std::vector<char> clockwise;  ///< By cell: 1 if it came clockwise and was turned. Empty if none did.
   Options options;              ///< With the objective that the run has, never Objective::Auto.
   MeshSummary summary;
-  std::vector<bool> fixed;  ///< By node of the mesh.
+  std::vector<bool> fixed;  ///< By node of the mesh; with the nodes that layers hold.
   StretchField target;
   /// These three stay empty if there is nothing to iterate here: no iterations are allowed, the set-up was stopped, or
   /// the runs between splits have optimisers of their own.

@@ -1,0 +1,44 @@
+// Columns of vertices that rise from a curved wall through layers of cells. Internal to core/layers.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "core/mesh/connectivity.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh::detail {
+
+/// A boundary facet that belongs to a curved wall with layers.
+struct WallFacet {
+  Shape shape = Shape::Line;
+  std::int32_t cell = -1;           ///< The cell behind it.
+  std::vector<std::int32_t> nodes;  ///< In Gmsh's order, vertices first.
+};
+
+/// The walls with layers, and the columns above their vertices. A column begins at a vertex of a wall. It rises from
+/// vertex to vertex along the edges that point away from the wall. Level 0 is the wall.
+struct Columns {
+  std::vector<WallFacet> facets;
+  std::vector<std::int32_t> column_of;  ///< By node: the column of a vertex; −1: it is in none.
+  std::vector<std::int32_t> level;      ///< By node: its level in its column.
+  /// By column: its vertices, lowest first.
+  std::vector<std::vector<std::int32_t>> vertices;
+  /// By column: the facets around its lowest vertex.
+  std::vector<std::vector<std::int32_t>> facets_of;
+  /// By column: the length of the shortest edge of the wall at its lowest vertex.
+  std::vector<double> size;
+
+  bool empty() const { return vertices.empty(); }
+};
+
+/// A cell is thin over a facet if it is less high than this times the facet's shortest edge.
+inline constexpr double kThin = 0.5;
+
+/// Finds the columns. A wall is a patch of boundary facets that share edges (in 2-D: vertices), bend by less than 40°
+/// from one to the next, and have a thin cell behind each. It counts only if one of its facets is curved. The first
+/// edge of a column is thin too. Higher up a column goes on whatever its height, as long as one edge points on.
+Columns find_columns(const HighOrderMesh& mesh, const Facets& facets);
+
+}  // namespace varimesh::detail

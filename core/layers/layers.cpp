@@ -1,0 +1,170 @@
+#include "core/layers/layers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/base/index.h"
+#include "core/layers/columns.h"
+#include "core/layers/placement.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+namespace {
+
+using detail::LayerCell;
+
+/// The nodes of a cell that are this near to parallel surfaces, relative to its height, stay there. On a quarter
+/// annulus the distance is 1e-6 if the nodes lie on circles, and .03 after the elements were made as straight as they
+/// go.
+constexpr double kEven = 0.02;
+
+class Start {
+ public:
+  Start(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
+        std::span<const Certificate> before, detail::Placement placement, const Team& team)
+      : mesh_(mesh),
+        fixed_(fixed),
+        certifier_(certifier),
+        before_(before),
+        placement_(std::move(placement)),
+        team_(team),
+        cells_(mesh, mesh.dimension),
+        coordinates_(mesh.coordinates),
+        after_(before.begin(), before.end()) {}
+
+  LayerStart run() {
+    choose();
+    place();
+    while (take_back()) continue;
+    return outcome();
+  }
+
+ private:
+  enum class Kind : char { Left, Even, Placed };
+
+  std::span<const std::int32_t> nodes(const LayerCell& cell) const { return cells_.nodes(at(cell.cell)); }
+
+  /// Where a node would be; null: it is on the wall.
+  const double* wanted(std::int32_t node) const {
+    const auto found = std::ranges::lower_bound(placement_.nodes, node);
+    if (found == placement_.nodes.end() || *found != node) return nullptr;
+    return &placement_.coordinates[3 * at(found - placement_.nodes.begin())];
+  }
+
+  /// How far the nodes of a cell are from where they would be, relative to its height.
+  double unevenness(const LayerCell& cell) const {
+    double farthest = 0;
+    for (const std::int32_t node : nodes(cell))
+      if (const double* to = wanted(node)) {
+        const double* from = &mesh_.coordinates[3 * at(node)];
+        farthest = std::max(farthest, std::hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]));
+      }
+    return farthest / cell.height;
+  }
+
+  void choose() {
+    const bool may_move = !are_valid(before_);
+    for (const LayerCell& cell : placement_.cells) {
+      const bool is_valid = before_[at(cell.cell)].is_valid();
+      if (is_valid && unevenness(cell) <= kEven)
+        kinds_.push_back(Kind::Even);
+      else
+        kinds_.push_back(may_move && (cell.is_thin || !is_valid) ? Kind::Placed : Kind::Left);
+    }
+  }
+
+  void place() {
+    std::vector<char> moves(mesh_.node_count(), 0);
+    for (std::size_t i = 0; i < kinds_.size(); ++i)
+      if (kinds_[i] == Kind::Placed)
+        for (const std::int32_t node : nodes(placement_.cells[i])) moves[at(node)] = fixed_[at(node)] ? 0 : 1;
+    for (std::size_t i = 0; i < kinds_.size(); ++i)
+      if (kinds_[i] == Kind::Even)
+        for (const std::int32_t node : nodes(placement_.cells[i])) moves[at(node)] = 0;
+    for (const std::int32_t node : placement_.nodes)
+      if (moves[at(node)] != 0) std::copy_n(wanted(node), 3, &coordinates_[3 * at(node)]);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      if (std::ranges::any_of(cells_.nodes(cell), [&](std::int32_t node) { return moves[at(node)] != 0; }))
+        touched_.push_back(static_cast<std::int32_t>(cell));
+    certifier_.certify(coordinates_, touched_, after_, team_);
+  }
+
+  /// Cells that lost their certificate, and placed cells that are not valid, get their nodes back. Returns whether a
+  /// node moved.
+  bool take_back() {
+    std::vector<char> back(mesh_.node_count(), 0);
+    const auto take = [&](std::span<const std::int32_t> of) {
+      for (const std::int32_t node : of) back[at(node)] = 1;
+    };
+    for (const std::int32_t cell : touched_)
+      if (before_[at(cell)].is_valid() && !after_[at(cell)].is_valid()) take(cells_.nodes(at(cell)));
+    for (std::size_t i = 0; i < kinds_.size(); ++i)
+      if (kinds_[i] == Kind::Placed && !after_[at(placement_.cells[i].cell)].is_valid()) {
+        kinds_[i] = Kind::Left;
+        take(nodes(placement_.cells[i]));
+      }
+    std::vector<std::int32_t> moved;
+    for (const std::int32_t node : placement_.nodes) {
+      const std::size_t k = 3 * at(node);
+      if (back[at(node)] == 0 || std::equal(&coordinates_[k], &coordinates_[k] + 3, &mesh_.coordinates[k])) continue;
+      std::copy_n(&mesh_.coordinates[k], 3, &coordinates_[k]);
+      moved.push_back(node);
+    }
+    if (moved.empty()) return false;
+    std::vector<std::int32_t> again;
+    for (const std::int32_t cell : touched_)
+      if (std::ranges::any_of(cells_.nodes(at(cell)),
+                              [&](std::int32_t node) { return std::ranges::binary_search(moved, node); }))
+        again.push_back(cell);
+    certifier_.certify(coordinates_, again, after_, team_);
+    return true;
+  }
+
+  LayerStart outcome() {
+    LayerStart start;
+    start.held.assign(mesh_.node_count(), 0);
+    start.cells = static_cast<std::int64_t>(placement_.cells.size());
+    for (std::size_t i = 0; i < kinds_.size(); ++i) {
+      start.placed += kinds_[i] == Kind::Placed ? 1 : 0;
+      if (kinds_[i] != Kind::Left)
+        for (const std::int32_t node : nodes(placement_.cells[i])) start.held[at(node)] = 1;
+    }
+    // What is still to be repaired needs its nodes.
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      if (!after_[cell].is_valid())
+        for (const std::int32_t node : cells_.nodes(cell)) start.held[at(node)] = 0;
+    for (const std::int32_t cell : touched_)
+      start.made_valid += !before_[at(cell)].is_valid() && after_[at(cell)].is_valid() ? 1 : 0;
+    if (coordinates_ != mesh_.coordinates) start.coordinates = std::move(coordinates_);
+    return start;
+  }
+
+  const HighOrderMesh& mesh_;
+  const std::vector<bool>& fixed_;
+  const Certifier& certifier_;
+  const std::span<const Certificate> before_;
+  const detail::Placement placement_;
+  const Team& team_;
+  const Cells cells_;
+  std::vector<double> coordinates_;
+  std::vector<Certificate> after_;
+  std::vector<Kind> kinds_;            ///< By cell of the placement.
+  std::vector<std::int32_t> touched_;  ///< Cells with a node that may have moved.
+};
+
+}  // namespace
+
+LayerStart start_layers(const HighOrderMesh& mesh, const Facets& facets, const std::vector<bool>& fixed,
+                        const Team& team) {
+  const detail::Columns columns = detail::find_columns(mesh, facets);
+  if (columns.empty()) return {};
+  detail::Placement placement = detail::place_in_layers(mesh, columns);
+  if (placement.cells.empty()) return {};
+  const Certifier certifier(mesh, {}, team);
+  std::vector<Certificate> certificates(certifier.cells());
+  certifier.certify(mesh.coordinates, certificates, team);
+  return Start(mesh, fixed, certifier, certificates, std::move(placement), team).run();
+}
+
+}  // namespace varimesh

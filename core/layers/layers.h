@@ -1,0 +1,41 @@
+// Layers of cells at curved walls: nodes on surfaces parallel to the wall, which a run then leaves alone.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/mesh/connectivity.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh {
+
+/// What became of the layers at curved walls.
+struct LayerStart {
+  /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty: the mesh stays as it came.
+  std::vector<double> coordinates;
+  std::vector<char> held;       ///< By node: 1 if it lies where a layer wants it. Empty: there are no layers.
+  std::int64_t cells = 0;       ///< Cells in layers.
+  std::int64_t placed = 0;      ///< Those of them whose nodes were moved.
+  std::int64_t made_valid = 0;  ///< Cells of the mesh that are certified valid only after that.
+};
+
+/// In a layer of thin cells the best cell is not the straight-sided one. Its nodes lie on surfaces parallel to the
+/// wall, and are spaced across the layer as they came (core/layers/placement.h has the formula). Only then does a
+/// solution that varies with the distance from the wall keep its accuracy, and only then do layers stay valid that are
+/// thinner than the wall bends.
+///
+/// - Cells that are certified valid and have their nodes near parallel surfaces, to within a fiftieth of their height,
+/// stay as
+///   they are.
+/// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells
+/// that
+///   would lose a certificate by it, and those that do not become valid, get their nodes back.
+/// - The nodes of the cells of both kinds are held.
+///
+/// In a mesh whose cells are all certified valid, no node moves. Vertices never do. `fixed`: by node, whether it must
+/// stay. Call it inside team.run().
+LayerStart start_layers(const HighOrderMesh& mesh, const Facets& facets, const std::vector<bool>& fixed,
+                        const Team& team);
+
+}  // namespace varimesh

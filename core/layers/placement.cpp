@@ -1,0 +1,270 @@
+#include "core/layers/placement.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <span>
+
+#include "core/base/index.h"
+#include "core/reference/basis.h"
+#include "core/reference/nodes.h"
+
+namespace varimesh::detail {
+namespace {
+
+using Vector = Eigen::Vector3d;
+using Lattice = std::array<int, 2>;
+
+Vector point(const HighOrderMesh& mesh, std::int32_t node) { return Vector(&mesh.coordinates[3 * at(node)]); }
+
+/// The linear functions of the vertices at the equispaced nodes: nodes × vertices.
+Eigen::MatrixXd vertex_weights(Shape shape, int order, int dimension) {
+  const reference::Points& nodes = reference::nodes(shape, order, reference::NodeSet::Equispaced, dimension);
+  return reference::basis_values(shape, 1, reference::NodeSet::Equispaced, dimension, nodes);
+}
+
+/// What is the same for all facets of one shape: the lattice position of each node, and gradients of the basis there.
+class FacetTable {
+ public:
+  FacetTable(Shape shape, int order, int dimension) {
+    const auto& lattice = reference::lattice(shape, order);
+    for (std::size_t k = 0; k < lattice.size(); ++k) node_at_[{lattice[k][0], lattice[k][1]}] = static_cast<int>(k);
+    gradients_ = reference::basis_gradients(shape, order, reference::NodeSet::Equispaced, dimension,
+                                            reference::nodes(shape, order, reference::NodeSet::Equispaced, dimension));
+  }
+  /// The local number of the node at a position of the lattice; −1 if there is none.
+  int node_at(Lattice at) const {
+    const auto found = node_at_.find(at);
+    return found == node_at_.end() ? -1 : found->second;
+  }
+  /// The unit normals of a facet at its nodes, to the side of `inward`.
+  std::vector<Vector> normals(const HighOrderMesh& mesh, const WallFacet& facet, const Vector& inward) const {
+    const auto count = static_cast<Eigen::Index>(facet.nodes.size());
+    Eigen::Matrix<double, Eigen::Dynamic, 3> x(count, 3);
+    for (Eigen::Index k = 0; k < count; ++k) x.row(k) = point(mesh, facet.nodes[at(k)]);
+    const Eigen::MatrixXd along = gradients_[0] * x;
+    const Eigen::MatrixXd across = facet.shape == Shape::Line ? Eigen::MatrixXd() : Eigen::MatrixXd(gradients_[1] * x);
+    std::vector<Vector> normals;
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const Vector a = along.row(k);
+      const Vector b = facet.shape == Shape::Line ? Vector(0, 0, 1) : Vector(across.row(k));
+      const Vector normal = a.cross(b).normalized();
+      normals.push_back(normal.dot(inward) < 0 ? Vector(-normal) : normal);
+    }
+    return normals;
+  }
+
+ private:
+  std::map<Lattice, int> node_at_;
+  std::vector<Eigen::MatrixXd> gradients_;
+};
+
+/// A node of a layer cell: its place on the facet, and its level as a multiple of 1/P above the lower level.
+struct NodeInLayer {
+  int on_facet;                   ///< Local node of the facet.
+  int step;                       ///< 0 … P.
+  std::array<double, 4> weights;  ///< Of the vertices of the facet.
+  int only;                       ///< The vertex of the facet whose column it is on; −1: it is between columns.
+};
+
+class Placer {
+ public:
+  Placer(const HighOrderMesh& mesh, const Columns& columns)
+      : mesh_(mesh), columns_(columns), cells_(mesh, mesh.dimension), on_column_(columns.vertices.size()) {}
+
+  Placement place() {
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      if (auto found = layer_cell(static_cast<std::int32_t>(cell))) placement_.cells.push_back(*found);
+    for (const LayerCell& cell : placement_.cells) note_columns(cell);
+    std::erase_if(placement_.cells, [&](const LayerCell& cell) { return !is_whole(cell); });
+    for (const LayerCell& cell : placement_.cells) add(cell);
+    for (const auto& [node, sum] : sums_) {
+      placement_.nodes.push_back(node);
+      for (int c = 0; c < 3; ++c) placement_.coordinates.push_back(sum.first[c] / sum.second);
+    }
+    return std::move(placement_);
+  }
+
+ private:
+  const Eigen::MatrixXd& weights_of(Shape shape) {
+    auto& weights = weights_[static_cast<std::size_t>(shape)];
+    if (!weights) weights = vertex_weights(shape, mesh_.order, mesh_.dimension);
+    return *weights;
+  }
+  const FacetTable& table_of(Shape shape) {
+    auto& table = tables_[static_cast<std::size_t>(shape)];
+    if (!table) table.emplace(shape, mesh_.order, mesh_.dimension);
+    return *table;
+  }
+
+  /// A cell whose vertices are on two levels of columns above one facet.
+  std::optional<LayerCell> layer_cell(std::int32_t cell) {
+    if (cells_.shape(at(cell)) == Shape::Pyramid) return std::nullopt;
+    const std::span<const std::int32_t> nodes = cells_.nodes(at(cell));
+    const int vertices = reference::info(cells_.shape(at(cell))).vertices;
+    LayerCell found;
+    int lowest = std::numeric_limits<int>::max();
+    for (int v = 0; v < vertices; ++v) {
+      if (columns_.column_of[at(nodes[at(v)])] < 0) return std::nullopt;
+      found.level = std::max(found.level, columns_.level[at(nodes[at(v)])]);
+      lowest = std::min(lowest, columns_.level[at(nodes[at(v)])]);
+    }
+    if (lowest != found.level - 1) return std::nullopt;
+    for (const std::int32_t facet : columns_.facets_of[at(columns_.column_of[at(nodes[0])])]) {
+      bool all = true;
+      for (int v = 0; v < vertices && all; ++v) all = corner(facet, nodes[at(v)]) >= 0;
+      if (all && (found.facet < 0 || facet < found.facet)) found.facet = facet;
+    }
+    if (found.facet < 0 || !measure(found)) return std::nullopt;
+    found.cell = cell;
+    return found;
+  }
+
+  /// Which vertex of the facet the column of a vertex begins at; −1: none.
+  int corner(std::int32_t facet, std::int32_t vertex) const {
+    const WallFacet& wall = columns_.facets[at(facet)];
+    const std::int32_t foot = columns_.vertices[at(columns_.column_of[at(vertex)])].front();
+    for (int v = 0; v < reference::info(wall.shape).vertices; ++v)
+      if (wall.nodes[at(v)] == foot) return v;
+    return -1;
+  }
+
+  std::size_t column(const LayerCell& cell, int corner) const {
+    return at(columns_.column_of[at(columns_.facets[at(cell.facet)].nodes[at(corner)])]);
+  }
+
+  int corners(const LayerCell& cell) const { return reference::info(columns_.facets[at(cell.facet)].shape).vertices; }
+
+  /// Sets the height. False if a column of the facet does not reach the level.
+  bool measure(LayerCell& cell) const {
+    cell.height = std::numeric_limits<double>::infinity();
+    double size = cell.height;
+    for (int v = 0; v < corners(cell); ++v) {
+      const auto& vertices = columns_.vertices[column(cell, v)];
+      if (vertices.size() <= at(cell.level)) return false;
+      size = std::min(size, columns_.size[column(cell, v)]);
+      cell.height = std::min(
+          cell.height, (point(mesh_, vertices[at(cell.level)]) - point(mesh_, vertices[at(cell.level) - 1])).norm());
+    }
+    cell.is_thin = cell.height < size;
+    return true;
+  }
+
+  /// Where a node of the cell is; nothing if it is at no place of the lattice.
+  std::optional<NodeInLayer> in_layer(const LayerCell& cell, int local) {
+    const Shape shape = cells_.shape(at(cell.cell));
+    const Eigen::MatrixXd& weights = weights_of(shape);
+    const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
+    NodeInLayer found{-1, 0, {}, -1};
+    double level = 0;
+    for (int v = 0; v < reference::info(shape).vertices; ++v) {
+      const double weight = weights(local, v);
+      found.weights[at(corner(cell.facet, nodes[at(v)]))] += weight;
+      level += weight * (columns_.level[at(nodes[at(v)])] - (cell.level - 1));
+    }
+    const int order = mesh_.order;
+    found.step = static_cast<int>(std::lround(order * level));
+    for (int v = 0; v < 4; ++v)
+      if (found.weights[at(v)] > 1 - 1e-9) found.only = v;
+    const Shape facet = columns_.facets[at(cell.facet)].shape;
+    const double i = found.weights[1] + (facet == Shape::Quadrilateral ? found.weights[2] : 0);
+    const double j =
+        facet == Shape::Line ? 0 : found.weights[2] + (facet == Shape::Quadrilateral ? found.weights[3] : 0);
+    found.on_facet =
+        table_of(facet).node_at({static_cast<int>(std::lround(order * i)), static_cast<int>(std::lround(order * j))});
+    const bool is_on_lattice = std::abs(order * level - found.step) < 1e-6 &&
+                               std::abs(order * i - std::lround(order * i)) < 1e-6 &&
+                               std::abs(order * j - std::lround(order * j)) < 1e-6;
+    return is_on_lattice && found.on_facet >= 0 ? std::optional(found) : std::nullopt;
+  }
+
+  /// Notes the nodes of the cell that are on columns.
+  void note_columns(const LayerCell& cell) {
+    const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
+    for (std::size_t k = 0; k < nodes.size(); ++k) {
+      const auto found = in_layer(cell, static_cast<int>(k));
+      if (!found || found->only < 0) continue;
+      std::vector<std::int32_t>& on = on_column_[column(cell, found->only)];
+      const std::size_t place = at((cell.level - 1) * mesh_.order + found->step);
+      if (on.size() <= place) on.resize(place + 1, -1);
+      on[place] = nodes[k];
+    }
+  }
+
+  /// Whether all nodes have a place and the columns have all nodes that it takes.
+  bool is_whole(const LayerCell& cell) {
+    const std::size_t top = at(cell.level * mesh_.order);
+    for (int v = 0; v < corners(cell); ++v) {
+      const std::vector<std::int32_t>& on = on_column_[column(cell, v)];
+      if (on.size() <= top) return false;
+      for (std::size_t k = top - at(mesh_.order); k <= top; ++k)
+        if (on[k] < 0) return false;
+    }
+    const auto count = static_cast<int>(cells_.nodes(at(cell.cell)).size());
+    for (int k = 0; k < count; ++k)
+      if (!in_layer(cell, k)) return false;
+    return true;
+  }
+
+  /// The normals of the facet at its nodes. Those of the last facet are kept.
+  const std::vector<Vector>& normals_of(std::int32_t facet) {
+    auto& normals = normals_[facet];
+    if (!normals.empty()) return normals;
+    const WallFacet& wall = columns_.facets[at(facet)];
+    Vector inward = Vector::Zero();
+    for (int v = 0; v < reference::info(wall.shape).vertices; ++v) {
+      const auto& vertices = columns_.vertices[at(columns_.column_of[at(wall.nodes[at(v)])])];
+      if (vertices.size() > 1) inward += point(mesh_, vertices[1]) - point(mesh_, vertices[0]);
+    }
+    return normals = table_of(wall.shape).normals(mesh_, wall, inward);
+  }
+
+  /// Adds where the nodes of the cell lie on parallel surfaces.
+  void add(const LayerCell& cell) {
+    const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
+    const WallFacet& wall = columns_.facets[at(cell.facet)];
+    const std::vector<Vector>& normals = normals_of(cell.facet);
+    for (std::size_t k = 0; k < nodes.size(); ++k) {
+      const NodeInLayer node = *in_layer(cell, static_cast<int>(k));
+      if (node.step == 0 && cell.level == 1) continue;  // on the wall
+      const std::size_t place = at((cell.level - 1) * mesh_.order + node.step);
+      const Vector& normal = normals[at(node.on_facet)];
+      double up = 0;
+      Vector along = Vector::Zero();
+      for (int v = 0; v < corners(cell); ++v) {
+        const Vector to = point(mesh_, on_column_[column(cell, v)][place]) - point(mesh_, wall.nodes[at(v)]);
+        const double height = to.dot(normals[at(v)]);
+        up += node.weights[at(v)] * height;
+        along += node.weights[at(v)] * (to - height * normals[at(v)]);
+      }
+      const Vector x =
+          node.only >= 0
+              ? point(mesh_, nodes[k])
+              : Vector(point(mesh_, wall.nodes[at(node.on_facet)]) + up * normal + along - normal.dot(along) * normal);
+      auto [sum, added] = sums_.try_emplace(nodes[k], x, 1);
+      if (added) continue;
+      sum->second.first += x;
+      ++sum->second.second;
+    }
+  }
+
+  const HighOrderMesh& mesh_;
+  const Columns& columns_;
+  const Cells cells_;
+  /// By column, by P · level: the node there, or −1.
+  std::vector<std::vector<std::int32_t>> on_column_;
+  std::array<std::optional<Eigen::MatrixXd>, kShapes> weights_;
+  std::array<std::optional<FacetTable>, kShapes> tables_;
+  std::map<std::int32_t, std::vector<Vector>> normals_;
+  std::map<std::int32_t, std::pair<Vector, int>> sums_;
+  Placement placement_;
+};
+
+}  // namespace
+
+Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns) { return Placer(mesh, columns).place(); }
+
+}  // namespace varimesh::detail

@@ -1,0 +1,280 @@
+// Layers along a quarter of a cylinder: where their nodes lie is known.
+#include "core/layers/layers.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/base/index.h"
+#include "core/optimise/optimiser.h"
+#include "core/reference/nodes.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+namespace {
+
+constexpr int kAround = 5, kAlong = 2;
+
+/// What the nodes of the layers lie on.
+enum class Inside { Parallel, StraightSided };
+
+struct Layers {
+  Shape shape;
+  int order;
+  int count;
+  double first, growth;  ///< The height of the first layer, and of each over the one below.
+  Inside inside;
+  bool bends = true;  ///< Otherwise the wall is flat.
+
+  /// The distance from the wall at a level, which may lie between two layers.
+  double height(double level) const {
+    const int below = std::min(static_cast<int>(level), count - 1);
+    double at_level = 0, of_layer = first;
+    for (int layer = 0; layer < below; ++layer, of_layer *= growth) at_level += of_layer;
+    return at_level + (level - below) * of_layer;
+  }
+
+  std::array<double, 3> place(double angle, double level, double z) const {
+    if (!bends) return {angle, height(level), z};
+    const double radius = 1 + height(level);
+    return {radius * std::sin(angle), radius * std::cos(angle), z};
+  }
+
+  /// Position (i, j, k) of the lattice of all nodes: around, across, along.
+  std::array<double, 3> node(std::array<int, 3> at) const {
+    const double z = 0.3 * at[2] / order, level = static_cast<double>(at[1]) / order;
+    const double step = std::acos(-1.0) / 2 / kAround;
+    // The planes at both ends of the cylinder are boundaries too, so the layers on them must fit the wall already.
+    const bool is_at_end = reference::info(shape).dimension == 3 && (at[2] == 0 || at[2] == kAlong * order);
+    if (inside == Inside::Parallel || at[1] == 0 || is_at_end) return place(step * at[0] / order, level, z);
+    const int cell = std::min(at[0] / order, kAround - 1);
+    const double part = static_cast<double>(at[0]) / order - cell;
+    const auto a = place(step * cell, level, z), b = place(step * (cell + 1), level, z);
+    return {(1 - part) * a[0] + part * b[0], (1 - part) * a[1] + part * b[1], z};
+  }
+};
+
+/// Vertices of a cell in the lattice of vertices; a cell's lattice is the linear blend of them.
+using Corners = std::vector<std::array<int, 3>>;
+
+std::vector<Corners> cells_of(const Layers& layers) {
+  std::vector<Corners> cells;
+  const bool is_flat = layers.shape == Shape::Quadrilateral || layers.shape == Shape::Triangle;
+  for (int i = 0; i < kAround; ++i)
+    for (int j = 0; j < layers.count; ++j)
+      for (int k = 0; k < (is_flat ? 1 : kAlong); ++k) {
+        const std::array<int, 3> a{i, j, k}, b{i + 1, j, k}, c{i + 1, j + 1, k}, d{i, j + 1, k};
+        const std::array<int, 3> e{i, j, k + 1}, f{i + 1, j, k + 1}, g{i + 1, j + 1, k + 1}, h{i, j + 1, k + 1};
+        if (layers.shape == Shape::Quadrilateral) cells.push_back({a, b, c, d});
+        if (layers.shape == Shape::Triangle) cells.insert(cells.end(), {{a, b, d}, {b, c, d}});
+        if (layers.shape == Shape::Hexahedron) cells.push_back({a, b, c, d, e, f, g, h});
+        if (layers.shape == Shape::Prism) cells.insert(cells.end(), {{a, e, b, d, h, c}, {b, e, f, c, h, g}});
+        if (layers.shape == Shape::Tetrahedron)
+          cells.insert(cells.end(),
+                       {{a, b, d, h}, {a, b, h, e}, {b, h, e, f}, {b, c, d, h}, {b, c, h, g}, {b, h, f, g}});
+      }
+  return cells;
+}
+
+/// The equispaced lattice of a cell between its corners.
+std::array<int, 3> lattice_node(const Layers& layers, const Corners& corners, std::array<std::int8_t, 3> at) {
+  const int p = layers.order;
+  std::array<int, 3> node{};
+  const auto blend = [&](std::size_t corner, int weight) {
+    for (std::size_t c = 0; c < 3; ++c) node[c] += weight * corners[corner][c];
+  };
+  switch (layers.shape) {
+    case Shape::Quadrilateral:
+    case Shape::Hexahedron:  // the corners are those of a box
+      for (std::size_t c = 0; c < 3; ++c) node[c] = p * corners[0][c] + at[c];
+      return node;
+    case Shape::Prism: {  // two triangles, one above the other
+      for (std::size_t c = 0; c < 3; ++c)
+        node[c] = (p - at[0] - at[1]) * corners[0][c] + at[0] * corners[1][c] + at[1] * corners[2][c];
+      node[1] += at[2];
+      return node;
+    }
+    default:
+      blend(0, p - at[0] - at[1] - at[2]);
+      for (std::size_t c = 1; c < corners.size(); ++c) blend(c, at[c - 1]);
+      return node;
+  }
+}
+
+HighOrderMesh make(const Layers& layers) {
+  HighOrderMesh mesh;
+  mesh.dimension = reference::info(layers.shape).dimension;
+  mesh.order = layers.order;
+  ElementBlock block;
+  block.shape = layers.shape;
+  block.order = layers.order;
+  std::map<std::array<int, 3>, std::int32_t> known;
+  for (const Corners& corners : cells_of(layers)) {
+    block.numbers.push_back(static_cast<std::int64_t>(block.numbers.size()) + 1);
+    for (const auto& at : reference::lattice(layers.shape, layers.order)) {
+      const std::array<int, 3> node = lattice_node(layers, corners, at);
+      const auto [found, added] = known.try_emplace(node, static_cast<std::int32_t>(known.size()));
+      block.nodes.push_back(found->second);
+      if (!added) continue;
+      for (const double x : layers.node(node)) mesh.coordinates.push_back(x);
+      mesh.node_numbers.push_back(found->second + 1);
+    }
+  }
+  mesh.node_blocks = {{-1, 0, 0, static_cast<std::int32_t>(known.size())}};
+  mesh.blocks.push_back(std::move(block));
+  return mesh;
+}
+
+std::int64_t uncertified(const HighOrderMesh& mesh, const std::vector<double>& coordinates) {
+  const Team team(1);
+  std::int64_t count = 0;
+  team.run([&] {
+    const Certifier certifier(mesh, {}, team);
+    std::vector<Certificate> certificates(certifier.cells());
+    certifier.certify(coordinates, certificates, team);
+    count = std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
+  });
+  return count;
+}
+
+LayerStart start(const HighOrderMesh& mesh) {
+  const Team team(2);
+  LayerStart started;
+  team.run([&] {
+    const Facets found = facets(mesh, team);
+    started = start_layers(mesh, found, fixed_nodes(mesh, found), team);
+  });
+  return started;
+}
+
+class OfShape : public testing::TestWithParam<std::tuple<Shape, int>> {
+ protected:
+  Layers layers(double first, double growth, int count, Inside inside) const {
+    return {std::get<0>(GetParam()), std::get<1>(GetParam()), count, first, growth, inside};
+  }
+};
+
+TEST_P(OfShape, KeepsNodesThatLieOnParallelSurfaces) {
+  const HighOrderMesh mesh = make(layers(1e-3, 2.2, 8, Inside::Parallel));
+  ASSERT_EQ(uncertified(mesh, mesh.coordinates), 0);
+  const LayerStart started = start(mesh);
+  EXPECT_TRUE(started.coordinates.empty());
+  EXPECT_EQ(started.placed, 0);
+  EXPECT_EQ(static_cast<std::size_t>(started.cells), mesh.element_count(mesh.dimension));
+  EXPECT_EQ(std::ranges::count(started.held, 1), static_cast<std::ptrdiff_t>(mesh.node_count()));
+}
+
+/// Only the wall is curved, and it cuts through layers of any thickness.
+TEST_P(OfShape, PlacesNodesOnParallelSurfaces) {
+  for (const auto& [first, growth] : {std::pair{1e-2, 1.6}, {1e-5, 4.2}, {1e-9, 16.0}}) {
+    const Layers straight = layers(first, growth, 8, Inside::StraightSided);
+    Layers parallel = straight;
+    parallel.inside = Inside::Parallel;
+    const HighOrderMesh mesh = make(straight), wanted = make(parallel);
+    ASSERT_GT(uncertified(mesh, mesh.coordinates), 0);
+    const LayerStart started = start(mesh);
+    ASSERT_EQ(started.coordinates.size(), mesh.coordinates.size());
+    EXPECT_EQ(uncertified(mesh, started.coordinates), 0) << first;
+    EXPECT_GT(started.made_valid, 0);
+    // On the ends and on top, boundary nodes stay where they are.
+    const std::vector<bool> fixed = fixed_nodes(mesh);
+    double farthest = 0;
+    for (std::size_t node = 0; node < mesh.node_count(); ++node)
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::size_t k = 3 * node + c;
+        if (fixed[node])
+          EXPECT_EQ(started.coordinates[k], mesh.coordinates[k]);
+        else
+          farthest = std::max(farthest, std::abs(started.coordinates[k] - wanted.coordinates[k]));
+      }
+    // The wall is a polynomial of order P through points of the cylinder. For P = 2 its normals are off by up to .005.
+    EXPECT_LT(farthest, 0.01 * straight.height(straight.count)) << first;
+  }
+}
+
+std::string name_of(const testing::TestParamInfo<std::tuple<Shape, int>>& info) {
+  return std::string(reference::info(std::get<0>(info.param)).name) + "_p" + std::to_string(std::get<1>(info.param));
+}
+
+INSTANTIATE_TEST_SUITE_P(Flat, OfShape,
+                         testing::Combine(testing::Values(Shape::Quadrilateral, Shape::Triangle),
+                                          testing::Values(2, 3, 4, 5)),
+                         name_of);
+INSTANTIATE_TEST_SUITE_P(Solid, OfShape,
+                         testing::Combine(testing::Values(Shape::Hexahedron, Shape::Prism, Shape::Tetrahedron),
+                                          testing::Values(2, 3)),
+                         name_of);
+
+TEST(Layers, AreNotFoundAtAFlatWall) {
+  Layers flat{Shape::Quadrilateral, 3, 6, 1e-3, 1.6, Inside::Parallel, false};
+  EXPECT_TRUE(start(make(flat)).held.empty());
+}
+
+TEST(Layers, AreNotFoundIfCellsAreAsHighAsWide) {
+  EXPECT_TRUE(start(make({Shape::Quadrilateral, 3, 3, 0.3, 1, Inside::Parallel})).held.empty());
+}
+
+/// Nodes of a valid mesh are held only where they lie on parallel surfaces.
+TEST(Layers, LeaveUnevenCellsOfAValidMeshToTheRun) {
+  HighOrderMesh mesh = make({Shape::Quadrilateral, 3, 8, 1e-2, 1.7, Inside::Parallel});
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  const std::vector<std::int32_t>& nodes = mesh.blocks[0].nodes;
+  const std::size_t inside = at(nodes[16 * 16 + 12]);  // the first inner node of a cell away from the ends
+  ASSERT_FALSE(fixed[inside]);
+  mesh.coordinates[3 * inside] += 1e-3;
+  ASSERT_EQ(uncertified(mesh, mesh.coordinates), 0);
+  const LayerStart started = start(mesh);
+  EXPECT_TRUE(started.coordinates.empty());
+  EXPECT_EQ(started.held[inside], 0);
+  EXPECT_GT(std::ranges::count(started.held, 1), 0);
+}
+
+TEST(Layers, OfAValidMeshStayInADefaultRun) {
+  const HighOrderMesh mesh = make({Shape::Quadrilateral, 3, 8, 1e-3, 2.2, Inside::Parallel});
+  const auto result = optimise(mesh);
+  ASSERT_TRUE(result.has_value());
+  EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
+  EXPECT_TRUE(result->after.uncertified.empty());
+}
+
+TEST(Layers, ThinnerThanTheWallBendsComeOutValid) {
+  for (const Shape shape : {Shape::Quadrilateral, Shape::Triangle}) {
+    const HighOrderMesh mesh = make({shape, 4, 12, 1e-8, 4.8, Inside::StraightSided});
+    ASSERT_GT(uncertified(mesh, mesh.coordinates), 0);
+    const auto result = optimise(mesh);
+    ASSERT_TRUE(result.has_value());
+    EXPECT_FALSE(result->before.uncertified.empty());
+    EXPECT_TRUE(result->after.uncertified.empty());
+    EXPECT_NE(result->notes.size(), 0U);
+  }
+}
+
+/// An optimiser that is used again finds the layers anew.
+TEST(Layers, AreFoundInTheCoordinatesOfEachRun) {
+  const Layers straight{Shape::Quadrilateral, 3, 8, 1e-3, 2.2, Inside::StraightSided};
+  const HighOrderMesh mesh = make(straight);
+  auto optimiser = Optimiser::create(mesh);
+  ASSERT_TRUE(optimiser.has_value());
+  std::vector<double> turned = mesh.coordinates;
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    turned[3 * node] = -mesh.coordinates[3 * node + 1];
+    turned[3 * node + 1] = mesh.coordinates[3 * node];
+  }
+  HighOrderMesh turned_mesh = mesh;
+  turned_mesh.coordinates = turned;
+  const auto again = optimiser->run(turned);
+  const auto fresh = optimise(turned_mesh);
+  ASSERT_TRUE(again.has_value() && fresh.has_value());
+  EXPECT_EQ(again->mesh.coordinates, fresh->mesh.coordinates);
+  const auto first = optimiser->run(mesh.coordinates);
+  ASSERT_TRUE(first.has_value());
+  EXPECT_EQ(first->mesh.coordinates, optimise(mesh)->mesh.coordinates);
+}
+
+}  // namespace
+}  // namespace varimesh
