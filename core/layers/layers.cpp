@@ -130,13 +130,13 @@ class Start {
       if (kinds_[i] != Kind::Left)
         for (const std::int32_t node : nodes(placement_.cells[i])) start.held[at(node)] = 1;
     }
-    // What is still to be repaired needs its nodes.
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
-      if (!after_[cell].is_valid())
-        for (const std::int32_t node : cells_.nodes(cell)) start.held[at(node)] = 0;
     for (const std::int32_t cell : touched_)
       start.made_valid += !before_[at(cell)].is_valid() && after_[at(cell)].is_valid() ? 1 : 0;
-    if (coordinates_ != mesh_.coordinates) start.coordinates = std::move(coordinates_);
+    if (start.made_valid == 0) start.placed = 0;
+    if (start.made_valid > 0) start.coordinates = std::move(coordinates_);
+    // What is still to be repaired may need any node: on a sphere with one layer of prisms, 19 cells stayed invalid
+    // beside held nodes. Placed nodes are worth it only if they certify a cell.
+    if (!are_valid(start.made_valid > 0 ? std::span<const Certificate>(after_) : before_)) start.held.clear();
     return start;
   }
 

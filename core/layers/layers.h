@@ -14,7 +14,7 @@ namespace varimesh {
 struct LayerStart {
   /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty: the mesh stays as it came.
   std::vector<double> coordinates;
-  std::vector<char> held;       ///< By node: 1 if it lies where a layer wants it. Empty: there are no layers.
+  std::vector<char> held;       ///< By node: 1 if it lies where a layer wants it. Empty: no node is held.
   std::int64_t cells = 0;       ///< Cells in layers.
   std::int64_t placed = 0;      ///< Those of them whose nodes were moved.
   std::int64_t made_valid = 0;  ///< Cells of the mesh that are certified valid only after that.
@@ -31,7 +31,9 @@ struct LayerStart {
 /// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells
 /// that
 ///   would lose a certificate by it, and those that do not become valid, get their nodes back.
-/// - The nodes of the cells of both kinds are held.
+/// - If at least one cell of the mesh becomes certified valid by this, the nodes stay there. If all are valid then, the
+/// nodes
+///   of the cells of both kinds are held.
 ///
 /// In a mesh whose cells are all certified valid, no node moves. Vertices never do. `fixed`: by node, whether it must
 /// stay. Call it inside team.run().

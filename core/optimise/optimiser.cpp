@@ -153,7 +153,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
 
 Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration,
                                 const RunControl& control) {
-  if (!set_up_->layers.held.empty() && coordinates.size() == set_up_->mesh.coordinates.size()) {
+  if (set_up_->layers.cells > 0 && coordinates.size() == set_up_->mesh.coordinates.size()) {
     // Layers were found in other coordinates, or are no longer as they came.
     HighOrderMesh again = set_up_->mesh;
     again.coordinates = std::move(coordinates);

@@ -38,7 +38,8 @@ std::string layers_text(const LayerStart& layers) {
       elements(layers.cells) + (layers.cells == 1 ? " lies" : " lie") + " in layers along a curved wall. ";
   if (layers.placed > 0)
     text += "The nodes of " + elements(layers.placed) + " of them were placed on surfaces parallel to the wall. ";
-  return text + "Nodes that lie on such surfaces stay.";
+  return text + (layers.held.empty() ? "Elements are left to be repaired, so all nodes may move."
+                                     : "Nodes that lie on such surfaces stay.");
 }
 
 std::string pair_text(const QualityReport& report) {
@@ -96,7 +97,7 @@ void Run::judge_as_it_came() {
   result_.before = report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_);
   swap_layers();
   if (!set_up_.as_it_came.empty()) prove_it();
-  if (!set_up_.layers.held.empty()) result_.notes.push_back(layers_text(set_up_.layers));
+  if (!set_up_.layers.held.empty() || set_up_.layers.placed > 0) result_.notes.push_back(layers_text(set_up_.layers));
 }
 
 void Run::prove() {
