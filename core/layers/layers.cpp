@@ -137,6 +137,10 @@ class Start {
     // What is still to be repaired may need any node: on a sphere with one layer of prisms, 19 cells stayed invalid
     // beside held nodes. Placed nodes are worth it only if they certify a cell.
     if (!are_valid(start.made_valid > 0 ? std::span<const Certificate>(after_) : before_)) start.held.clear();
+    bool holds = false;
+    for (std::size_t node = 0; node < start.held.size(); ++node)
+      holds = holds || (start.held[node] != 0 && !fixed_[node]);
+    if (!holds) start.held.clear();
     return start;
   }
 

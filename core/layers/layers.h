@@ -14,9 +14,9 @@ namespace varimesh {
 struct LayerStart {
   /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty: the mesh stays as it came.
   std::vector<double> coordinates;
-  std::vector<char> held;       ///< By node: 1 if it lies where a layer wants it. Empty: no node is held.
-  std::int64_t cells = 0;       ///< Cells in layers.
-  std::int64_t placed = 0;      ///< Those of them whose nodes were moved.
+  std::vector<char> held;   ///< By node: 1 if it lies where a layer wants it. Empty: no node is held that might move.
+  std::int64_t cells = 0;   ///< Cells in layers.
+  std::int64_t placed = 0;  ///< Those of them whose nodes were moved.
   std::int64_t made_valid = 0;  ///< Cells of the mesh that are certified valid only after that.
 };
 
