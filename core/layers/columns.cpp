@@ -96,7 +96,7 @@ class Patches {
   std::vector<std::size_t> parent_;
 };
 
-/// The facets of patches of which one is curved.
+/// Keeps the facets of each patch that has a curved facet.
 std::vector<WallFacet> curved_walls(const HighOrderMesh& mesh, std::vector<WallFacet> facets) {
   struct Side {
     std::array<std::int32_t, 2> vertices;

@@ -33,8 +33,8 @@ enum class Objective : std::uint8_t {
   Worst,     ///< The lowest scaled Jacobian. The mean ends at most 0.01 below the mean at the optimum of the energy.
   Accuracy,  ///< The least loss of accuracy (core/quality/accuracy/accuracy.h) that was found with a scaled Jacobian of
              ///< at least `min_js`. The energy only makes the mesh valid and looks for `min_js`.
-  Auto,  ///< The default: Accuracy, or Energy if there is nothing to lower or another option asks for the energy's
-         ///< optimum (objective_of()).
+  Auto,      ///< The default: Accuracy, or Energy if there is nothing to lower or another option asks for the energy's
+             ///< optimum (objective_of()).
 };
 enum class Regularisation : std::uint8_t {
   Element,  ///< One δ per element, from its own smallest J.
