@@ -2,6 +2,7 @@
 #include "server/jobs/sqlite_jobs.h"
 
 #include <condition_variable>
+#include <filesystem>
 #include <mutex>
 
 #include "server/jobs/job_database.h"
@@ -111,6 +112,16 @@ Answer<std::unique_ptr<JobStore>> open_sqlite_jobs(const std::string& path, cons
   } catch (const SqliteError& error) {
     return internal_failure(std::string("The job store cannot be opened (") + error.what() +
                             "); choose another directory.");
+  }
+}
+
+bool has_sqlite_jobs(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return false;
+  try {
+    return SqliteDatabase(path).number("PRAGMA user_version") > 0;
+  } catch (const SqliteError&) {
+    return true;
   }
 }
 

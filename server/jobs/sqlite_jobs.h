@@ -13,6 +13,9 @@ namespace varimesh::server {
 /// version.
 Answer<std::unique_ptr<JobStore>> open_sqlite_jobs(const std::string& path, const JobStoreSettings& settings = {});
 
+/// Whether a file has the tables of jobs. True also if it cannot be read: open_sqlite_jobs() then says why.
+bool has_sqlite_jobs(const std::string& path);
+
 /// Makes a store whose jobs are lost when the process ends.
 std::unique_ptr<JobStore> jobs_in_memory(const JobStoreSettings& settings = {});
 

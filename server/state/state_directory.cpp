@@ -53,15 +53,26 @@ Expected<std::unique_ptr<StateDirectory>> StateDirectory::take(const std::string
   if (lock < 0 && errno == ELOOP)
     return refuse("its file 'lock' is a symbolic link; remove it, or choose another directory (--state).");
   if (lock < 0) return refuse(std::string(std::strerror(errno)) + "; choose another directory (--state).");
+  const char* const in_use = "another varimeshd uses it; stop that server, or choose another directory (--state).";
   // The system releases the lock when the process ends, even if it is killed.
   if (::flock(lock, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock);
-    return refuse("another varimeshd uses it; stop that server, or choose another directory (--state).");
+    return refuse(in_use);
   }
-  return std::unique_ptr<StateDirectory>(new StateDirectory(directory, lock));
+  // The file may be deleted while it is locked; the directory itself cannot. Not every file system locks directories.
+  const int folder = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+  if (folder >= 0 && ::flock(folder, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    ::close(folder);
+    ::close(lock);
+    return refuse(in_use);
+  }
+  return std::unique_ptr<StateDirectory>(new StateDirectory(directory, lock, folder));
 }
 
-StateDirectory::~StateDirectory() { ::close(lock_); }
+StateDirectory::~StateDirectory() {
+  if (folder_ >= 0) ::close(folder_);
+  ::close(lock_);
+}
 
 void StateDirectory::become_server() const {
   std::error_code ignored;

@@ -31,10 +31,11 @@ class StateDirectory {
   void become_server() const;
 
  private:
-  StateDirectory(std::filesystem::path path, int lock) : path_(std::move(path)), lock_(lock) {}
+  StateDirectory(std::filesystem::path path, int lock, int folder)
+      : path_(std::move(path)), lock_(lock), folder_(folder) {}
 
   const std::filesystem::path path_;
-  const int lock_;
+  const int lock_, folder_;  ///< Locked: the file `lock`, and the directory itself.
 };
 
 /// Returns 16 random bytes.

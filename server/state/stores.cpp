@@ -5,7 +5,9 @@
 
 #include <filesystem>
 #include <set>
+#include <system_error>
 
+#include "core/base/sha256.h"
 #include "server/jobs/sqlite_jobs.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/disk.h"
@@ -43,6 +45,21 @@ Expected<void> check_no_jobs(const StateDirectory& state) {
   return tl::unexpected(Error{Error::Kind::Output, "The file " + state.jobs() +
                                                        " has jobs, which a server with --store does not see; start "
                                                        "without --store, or choose another directory for --state."});
+}
+
+/// Refuses meshes without the jobs that they are of: the server would delete them as nobody's.
+Expected<void> check_not_lost(const StateDirectory& state) {
+  if (has_sqlite_jobs(state.jobs())) return {};
+  std::error_code error;
+  for (std::filesystem::directory_iterator at(state.meshes(), error), end; !error && at != end; at.increment(error))
+    if (is_sha256(at->path().stem().string()))
+      return tl::unexpected(
+          Error{Error::Kind::Output,
+                "The directory '" + state.path().string() +
+                    "' has meshes, but its file jobs.sqlite is missing or empty, and without it they would be deleted; "
+                    "restore the file from a backup. If the jobs are in a database, name it (--store). If the jobs are "
+                    "not needed, move the folder 'meshes' away."});
+  return {};
 }
 
 /// Creates the directory that servers share, only for its owner, and returns its name.
@@ -86,6 +103,7 @@ Expected<void> Stores::open_jobs(const StoreSettings& settings) {
     jobs_ = std::move(*jobs);
     return {};
   }
+  if (const auto checked = check_not_lost(*state_); !checked) return checked;
   auto jobs = open_sqlite_jobs(state_->jobs(), job_settings);
   if (!jobs) return output_error(jobs.error());
   jobs_ = std::move(*jobs);

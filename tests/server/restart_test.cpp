@@ -1,5 +1,6 @@
 // Servers that follow each other on one state directory. tests/faults also kills them.
 #include <filesystem>
+#include <fstream>
 
 #include "server/jobs/sqlite_jobs.h"
 #include "tests/server/service.h"
@@ -150,6 +151,24 @@ TEST_F(Restart, CreatesFilesThatOnlyTheirOwnerCanRead) {
     for (const char* file : {"jobs.sqlite", "jobs.sqlite-wal"})
       EXPECT_EQ(rights(state_ / ending / file) & std::filesystem::perms(077), std::filesystem::perms::none) << file;
   }
+}
+
+TEST_F(Restart, IsRefusedIfTheMeshesHaveLostTheirJobs) {
+  {
+    const Service service(options(echo_engine()));
+    service.wait_for(service.submit(service.spec_for("a mesh")).name());
+  }
+  for (const bool is_empty : {false, true}) {
+    for (const char* ending : {"", "-wal", "-shm"})
+      std::filesystem::remove(state_ / (std::string("jobs.sqlite") + ending));
+    if (is_empty) std::ofstream(state_ / "jobs.sqlite").close();
+    const auto refused = Server::start(options(echo_engine()));
+    ASSERT_FALSE(refused) << "it would delete the meshes as nobody's";
+    EXPECT_NE(refused.error().sentence.find("restore"), std::string::npos) << refused.error().sentence;
+    EXPECT_FALSE(std::filesystem::is_empty(state_ / "meshes"));
+  }
+  std::filesystem::rename(state_ / "meshes", state_ / "away");
+  const Service service(options(echo_engine()));
 }
 
 TEST_F(Restart, AllowsOneServerPerDirectory) {

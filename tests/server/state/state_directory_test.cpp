@@ -40,6 +40,15 @@ TEST_F(StateDirectoryTest, HasOneOwnerAtATime) {
   EXPECT_TRUE(StateDirectory::take(folder_.string())) << "the first owner has released it";
 }
 
+TEST_F(StateDirectoryTest, HasOneOwnerAlsoWithoutItsLockFile) {
+  const auto first = StateDirectory::take(folder_.string());
+  ASSERT_TRUE(first);
+  std::filesystem::remove(folder_ / "lock");
+  const auto second = StateDirectory::take(folder_.string());
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().sentence.find("another varimeshd"), std::string::npos) << second.error().sentence;
+}
+
 TEST_F(StateDirectoryTest, MustNotBeWritableByOthers) {
   for (const mode_t mode : {0720, 0702, 0777, 01777}) {
     ASSERT_EQ(::chmod(folder_.c_str(), mode), 0);
