@@ -28,56 +28,12 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// The kernels of one energy in one dimension. Kernels says what each function does.
-template <class E, int d>
-class VectorKernels final : public Kernels {
-  static constexpr int kEntries = d * (d + 1) / 2;
-  static constexpr double kHuge = 1e100;  // a J or an energy beyond this counts as not finite
-
+/// What does not depend on the energy. It is compiled once for each dimension, and what does once for each energy.
+template <int d>
+class KernelsOfAnyEnergy : public Kernels {
  public:
-  explicit VectorKernels(const E& energy) : energy_(energy) {}
-
-  int line_size() const override { return kFunctionAt + (kKeepsFunction ? 1 : 0); }
-  bool keeps_function() const override { return kKeepsFunction; }
-
-  HWY_FLATTEN StarExpansion expand(std::span<const StarCell> star) const override {
-    Sums<d> sums;
-    for (const StarCell& cell : star) {
-      // Drops the sums so far. Looking for such cells first would cost every star a loop.
-      if (cell.left_factor != nullptr) return expand_through_left_factors(*this, d, star);
-      if (is_plain(cell))
-        cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);
-      else
-        cell.affine ? expand_cell<true, false>(cell, sums) : expand_cell<false, false>(cell, sums);
-    }
-    StarExpansion out;
-    out.energy = sum_of(sums.energy);
-    out.measure = sum_of(sums.measure);
-    unrolled<d>([&](auto i) { out.gradient[i] = sum_of(sums.gradient[i]); });
-    unrolled<kEntries>([&](auto i) { out.hessian[i] = sum_of(sums.hessian[i]); });
-    return out;
-  }
-
-  HWY_FLATTEN double energy_after(std::span<const StarCell> star, const double* step) const override {
-    Lanes a[d];
-    unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
-    Lanes sum = zero();
-    for (const StarCell& cell : star) {
-      if (cell.left_factor != nullptr) return energy_through_left_factors(*this, d, star, step);
-      bool allowed = false;
-      if (kHasLine && cell.line != nullptr)
-        allowed = is_plain(cell) ? add_energy_on_line<true>(cell, a, sum) : add_energy_on_line<false>(cell, a, sum);
-      else if (is_plain(cell))
-        allowed =
-            cell.affine ? add_energy_after<true, true>(cell, a, sum) : add_energy_after<false, true>(cell, a, sum);
-      else
-        allowed =
-            cell.affine ? add_energy_after<true, false>(cell, a, sum) : add_energy_after<false, false>(cell, a, sum);
-      if (!allowed) return std::numeric_limits<double>::infinity();
-    }
-    const double energy = sum_of(sum);
-    return energy < kHuge ? energy : std::numeric_limits<double>::infinity();
-  }
+  int line_size() const override { return properties_.function_at() + (properties_.keeps_function ? 1 : 0); }
+  bool keeps_function() const override { return properties_.keeps_function; }
 
   HWY_FLATTEN void move(std::span<const StarCell> star, const double* step) const override {
     double turned[d];
@@ -87,7 +43,7 @@ class VectorKernels final : public Kernels {
       unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), turned[i]); });
       for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
         Lanes g[d];
-        if (kHasLine && cell.line != nullptr)
+        if (properties_.has_line && cell.line != nullptr)
           Line<d>::gradient(cell, q, g);
         else
           cell.affine ? node_gradient<d, true>(cell, q, g) : node_gradient<d, false>(cell, q, g);
@@ -98,15 +54,7 @@ class VectorKernels final : public Kernels {
           });
         });
       }
-      if (kKeepsFunction && cell.jacobian_function != nullptr) move_function(cell);
-    }
-  }
-
-  void take_function(const double* F, int stride, double* function) const override {
-    for (int q = 0; q < stride; q += static_cast<int>(hn::Lanes(Tag()))) {
-      Gradient<d> at;
-      at.load_from(F, stride, q);
-      hn::Store(jacobian_function<E::kFunction>(at.determinant()), Tag(), function + q);
+      if (properties_.keeps_function && cell.jacobian_function != nullptr) move_function(cell);
     }
   }
 
@@ -154,6 +102,84 @@ class VectorKernels final : public Kernels {
     }
   }
 
+ protected:
+  struct Properties {
+    bool has_line, keeps_function, has_barrier;  ///< As in VectorKernels.
+    /// Where StarCell::line keeps the function of J of the last energy_after(), by points; the Line comes before it.
+    int function_at() const { return has_line ? Line<d>::kSize : 0; }
+  };
+  explicit KernelsOfAnyEnergy(const Properties& properties) : properties_(properties) {}
+
+  double* function_after(const StarCell& cell) const { return cell.line + properties_.function_at() * cell.stride; }
+
+ private:
+  HWY_INLINE void move_function(const StarCell& cell) const {
+    const bool is_plain = properties_.has_barrier && cell.delta_squared == 0;
+    if (!is_plain || cell.line == nullptr) return take_function(cell.deformation, cell.stride, cell.jacobian_function);
+    for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag())))
+      hn::Store(load(function_after(cell) + q), Tag(), cell.jacobian_function + q);
+  }
+
+  const Properties properties_;
+};
+
+/// The kernels of one energy in one dimension. Kernels says what each function does.
+template <class E, int d>
+class VectorKernels final : public KernelsOfAnyEnergy<d> {
+  static constexpr int kEntries = d * (d + 1) / 2;
+  static constexpr double kHuge = 1e100;  // a J or an energy beyond this counts as not finite
+
+ public:
+  explicit VectorKernels(const E& energy)
+      : KernelsOfAnyEnergy<d>({kHasLine, kKeepsFunction, E::kBarrier}), energy_(energy) {}
+
+  HWY_FLATTEN StarExpansion expand(std::span<const StarCell> star) const override {
+    Sums<d> sums;
+    for (const StarCell& cell : star) {
+      // Drops the sums so far. Looking for such cells first would cost every star a loop.
+      if (cell.left_factor != nullptr) return expand_through_left_factors(*this, d, star);
+      if (is_plain(cell))
+        cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);
+      else
+        cell.affine ? expand_cell<true, false>(cell, sums) : expand_cell<false, false>(cell, sums);
+    }
+    StarExpansion out;
+    out.energy = sum_of(sums.energy);
+    out.measure = sum_of(sums.measure);
+    unrolled<d>([&](auto i) { out.gradient[i] = sum_of(sums.gradient[i]); });
+    unrolled<kEntries>([&](auto i) { out.hessian[i] = sum_of(sums.hessian[i]); });
+    return out;
+  }
+
+  HWY_FLATTEN double energy_after(std::span<const StarCell> star, const double* step) const override {
+    Lanes a[d];
+    unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
+    Lanes sum = zero();
+    for (const StarCell& cell : star) {
+      if (cell.left_factor != nullptr) return energy_through_left_factors(*this, d, star, step);
+      bool allowed = false;
+      if (kHasLine && cell.line != nullptr)
+        allowed = is_plain(cell) ? add_energy_on_line<true>(cell, a, sum) : add_energy_on_line<false>(cell, a, sum);
+      else if (is_plain(cell))
+        allowed =
+            cell.affine ? add_energy_after<true, true>(cell, a, sum) : add_energy_after<false, true>(cell, a, sum);
+      else
+        allowed =
+            cell.affine ? add_energy_after<true, false>(cell, a, sum) : add_energy_after<false, false>(cell, a, sum);
+      if (!allowed) return std::numeric_limits<double>::infinity();
+    }
+    const double energy = sum_of(sum);
+    return energy < kHuge ? energy : std::numeric_limits<double>::infinity();
+  }
+
+  void take_function(const double* F, int stride, double* function) const override {
+    for (int q = 0; q < stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Gradient<d> at;
+      at.load_from(F, stride, q);
+      hn::Store(jacobian_function<E::kFunction>(at.determinant()), Tag(), function + q);
+    }
+  }
+
   HWY_FLATTEN CellScan scan(const CellSet& set, std::int32_t cell, const double* F,
                             const double* function) const override {
     const bool plain = E::kBarrier && set.delta_squared[cell] == 0;
@@ -170,9 +196,6 @@ class VectorKernels final : public Kernels {
   static constexpr bool kKeepsFunction = E::kFunction != JacobianFunction::None;
   /// Whether the energy depends on F only through J and |F|².
   static constexpr bool kHasLine = E::kQuadratic == Quadratic::Deformation && E::kStrain == StrainTerm::None;
-  /// Where StarCell::line keeps the function of J of the last energy_after(), by points; the Line comes before it.
-  static constexpr int kFunctionAt = kHasLine ? Line<d>::kSize : 0;
-  static HWY_INLINE double* function_after(const StarCell& cell) { return cell.line + kFunctionAt * cell.stride; }
 
   /// J' at the points from q on. `function`: the function of J that is kept; null: it is evaluated here.
   template <bool plain>
@@ -180,13 +203,6 @@ class VectorKernels final : public Kernels {
     if constexpr (!plain) return regularised<E::kFunction>(J, hn::Set(Tag(), delta_squared));
     if (kKeepsFunction && function != nullptr) return {J, J, J, load(function + q)};
     return {J, J, J, jacobian_function<E::kFunction>(J)};
-  }
-
-  HWY_INLINE void move_function(const StarCell& cell) const {
-    if (!is_plain(cell) || cell.line == nullptr)
-      return take_function(cell.deformation, cell.stride, cell.jacobian_function);
-    for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag())))
-      hn::Store(load(function_after(cell) + q), Tag(), cell.jacobian_function + q);
   }
 
   /// W(F).
@@ -246,7 +262,7 @@ class VectorKernels final : public Kernels {
       if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
       const Lanes w = cell.affine ? weight<true>(cell, q) : weight<false>(cell, q);
       const auto j = jacobian_if<plain>(J, cell.delta_squared, nullptr, q);
-      if constexpr (plain && kKeepsFunction) hn::Store(j.function, Tag(), function_after(cell) + q);
+      if constexpr (plain && kKeepsFunction) hn::Store(j.function, Tag(), this->function_after(cell) + q);
       sum = hn::MulAdd(w, energy_.value(Q, j), sum);
     }
     return true;
@@ -267,7 +283,7 @@ class VectorKernels final : public Kernels {
       if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
       const auto j = jacobian_if<plain>(J, cell.delta_squared, nullptr, q);
       if constexpr (plain && kKeepsFunction)
-        if (cell.line != nullptr) hn::Store(j.function, Tag(), function_after(cell) + q);
+        if (cell.line != nullptr) hn::Store(j.function, Tag(), this->function_after(cell) + q);
       sum = hn::MulAdd(weight<affine>(cell, q), value(at, j), sum);
     }
     return true;

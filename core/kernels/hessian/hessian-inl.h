@@ -27,19 +27,15 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-template <class E, int d>
-class VectorHessian final : public VectorLinearisation<E, d> {
-  using Base = VectorLinearisation<E, d>;
-  using Base::energy_;
-  using Kept = KeptPartials<E>;
+/// What does not depend on the energy. It is compiled once for each dimension, and what does once for each energy.
+template <int d>
+class HessianOfAnyEnergy : public LinearisationOfAnyEnergy<d> {
   using Gradient = FoldedLanes<d>;
   using Cells = CellLanes<d>;
   static constexpr int kSides = triangle_size(d);  // numbers in a symmetric d × d matrix
   static constexpr int kTensor = tensor_size(d);
 
  public:
-  using Base::Base;
-
   HWY_FLATTEN void node_blocks(BatchSet& set, std::int32_t b) const override {
     const int nodes = set.cells->nodes_per_cell;
     static thread_local AlignedVector<float> scratch;
@@ -59,7 +55,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     const int per_cell = cells.affine ? 1 : cells.points;
     alignas(64) float sums[kTensor * kBatch];
     for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
-      const KeptPoints<E, d> kept(set, b, lane);
+      const KeptPoints<d> kept(set, b, lane);
       Floats M[kTensor];
       unrolled<kTensor>([&](auto entry) { M[entry] = hn::Zero(FloatTag()); });
       for (int q = 0; q < cells.points; ++q) {
@@ -123,20 +119,39 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     return std::accumulate(along, along + d, 0.0);
   }
 
+ protected:
+  /// The μ of the energy's strain term, and where its weight w is among the kept partial derivatives; −1: there is
+  /// none.
+  struct StrainOfEnergy {
+    float mu = 0;
+    int weight = -1;
+  };
+  explicit HessianOfAnyEnergy(StrainOfEnergy strain) : strain_(strain) {}
+
+  /// change[j][l] = w dP A⁻ᵀ for dG = e_j ⊗ e_l.
+  virtual void stress_changes(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
+                              FloatMatrix<d> (&change)[d][d]) const = 0;
+  /// Replaces dG by w dP A⁻ᵀ in `count` slots from `first` on.
+  virtual void at_values(const BatchSet& set, std::int32_t b, int lane, int first, int count, float* slopes) const = 0;
+
  private:
+  const StrainOfEnergy strain_;
+
   /// out[(n kSides + ij) kBatch] = Σ over points of T(ik, jl) ∂_k φ_n ∂_l φ_n, with T = w A⁻¹ (d²W/dF²) A⁻ᵀ.
   HWY_INLINE void add_up_blocks(const BatchSet& set, std::int32_t b, int lane, float* out) const {
     const FloatTag tag;
     const CellSet& cells = *set.cells;
     const int nodes = cells.nodes_per_cell, per_cell = cells.affine ? 1 : cells.points;
-    const KeptPoints<E, d> kept(set, b, lane);
+    const KeptPoints<d> kept(set, b, lane);
     const float* targets = set.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     for (int entry = 0; entry < nodes * kSides; ++entry) hn::Store(hn::Zero(tag), tag, out + entry * kBatch);
     for (int q = 0; q < cells.points; ++q) {
       FloatMatrix<d> inverse;
       inverse.load_from(targets + static_cast<std::size_t>(cells.affine ? 0 : q) * d * d * kBatch);
       alignas(64) float T[kSides * kSides * kBatch];
-      point_tensor(kept.deformation(q), kept.partials(q), inverse, T);
+      FloatMatrix<d> change[d][d];
+      stress_changes(kept.deformation(q), kept.partials(q), inverse, change);
+      point_tensor(change, T);
       const float* squares = set.squares.data() + static_cast<std::size_t>(q) * nodes * kSides;
       for (int n = 0; n < nodes; ++n)
         unrolled<kSides>([&](auto ij) {
@@ -150,30 +165,16 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     }
   }
 
-  /// T(ik, jl) for i ≥ j and k ≥ l; for k ≠ l the sum of T(ik, jl) and T(il, jk).
-  HWY_INLINE void point_tensor(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
-                               float* T) const {
-    const FloatTag tag;
-    FloatMatrix<d> change[d][d];  // [j][l]: w dP A⁻ᵀ for dG = e_j ⊗ e_l
-    unrolled<d>([&](auto j) {
-      unrolled<d>([&](auto l) {
-        FloatMatrix<d> dF;
-        unrolled<d>(
-            [&](auto i) { unrolled<d>([&](auto m) { dF.at[i][m] = i == j ? inverse.at[l][m] : hn::Zero(tag); }); });
-        change[j][l] = stress_change(energy_, F, partials, dF).template times<true>(inverse);
-      });
-    });
-    unrolled<d>([&](auto i) {
-      unrolled_through(i, [&](auto j) {
-        unrolled<d>([&](auto k) {
-          unrolled_through(k, [&](auto l) {
+  /// T(ik, jl) for i ≥ j and k ≥ l; for k ≠ l the sum of T(ik, jl) and T(il, jk). `change` is from stress_changes().
+  static HWY_INLINE void point_tensor(const FloatMatrix<d> (&change)[d][d], float* T) {
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j <= i; ++j)
+        for (int k = 0; k < d; ++k)
+          for (int l = 0; l <= k; ++l) {
             const Floats one = change[j][l].at[i][k];
-            hn::Store(k == l ? one : one + change[j][k].at[i][l], tag,
+            hn::Store(k == l ? one : one + change[j][k].at[i][l], FloatTag(),
                       T + (lower_index(i, j) * kSides + lower_index(k, l)) * kBatch);
-          });
-        });
-      });
-    });
+          }
   }
 
   /// Replaces the symmetric block B by L B L; `triangle` is its lower triangle by rows.
@@ -225,10 +226,9 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   /// Adds the term of one point to the mean tensor M (HessianKernels::mean_tensors).
   HWY_INLINE void add_mean(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
                            Floats* M) const {
-    Floats shape = load(partials + Kept::kQ * kBatch) * every(2.0F);
-    if constexpr (E::kStrain != StrainTerm::None)
-      shape = hn::MulAdd(load(partials + Kept::kW * kBatch), every(static_cast<float>(energy_.mu)), shape);
-    const Floats volume = hn::Max(load(partials + Kept::kJJ * kBatch), hn::Zero(FloatTag()));
+    Floats shape = load(partials + static_cast<int>(KeptPartial::Q) * kBatch) * every(2.0F);
+    if (strain_.weight >= 0) shape = hn::MulAdd(load(partials + strain_.weight * kBatch), every(strain_.mu), shape);
+    const Floats volume = hn::Max(load(partials + static_cast<int>(KeptPartial::JJ) * kBatch), hn::Zero(FloatTag()));
     const FloatMatrix<d> S = inverse.template times<true>(inverse);  // A⁻¹ A⁻ᵀ
     const FloatMatrix<d> c = cofactor_of<d>(F).template times<true>(inverse);
     unrolled<d * d>([&](auto ik) {
@@ -264,12 +264,32 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       Gradient::turn(slopes, orbit);
     }
   }
+};
 
-  /// Replaces dG by w dP A⁻ᵀ in `count` slots from `first` on.
-  HWY_FLATTEN HWY_NOINLINE void at_values(const BatchSet& set, std::int32_t b, int lane, int first, int count,
-                                          float* slopes) const {
+/// What depends on the energy.
+template <class E, int d>
+class VectorHessian final : public LinearisationOfEnergy<E, d, HessianOfAnyEnergy<d>> {
+  using Base = LinearisationOfEnergy<E, d, HessianOfAnyEnergy<d>>;
+
+ public:
+  explicit VectorHessian(const E& energy) : Base(energy, strain_of(energy)) {}
+
+ protected:
+  HWY_FLATTEN void stress_changes(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
+                                  FloatMatrix<d> (&change)[d][d]) const override {
+    for (int j = 0; j < d; ++j)
+      for (int l = 0; l < d; ++l) {
+        FloatMatrix<d> dF;
+        for (int i = 0; i < d; ++i)
+          for (int m = 0; m < d; ++m) dF.at[i][m] = i == j ? inverse.at[l][m] : hn::Zero(FloatTag());
+        change[j][l] = stress_change(this->energy_, F, partials, dF).template times<true>(inverse);
+      }
+  }
+
+  HWY_FLATTEN void at_values(const BatchSet& set, std::int32_t b, int lane, int first, int count,
+                             float* slopes) const override {
     const CellSet& cells = *set.cells;
-    const KeptPoints<E, d> kept(set, b, lane);
+    const KeptPoints<d> kept(set, b, lane);
     const int per_cell = cells.affine ? 1 : cells.points;
     const float* targets = set.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     FloatMatrix<d> inverse;
@@ -280,12 +300,19 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       FloatMatrix<d> dG;
       dG.load_from(slope);
       const FloatMatrix<d> out =
-          stress_change(energy_, kept.deformation(slot), kept.partials(slot), dG.template times<false>(inverse))
+          stress_change(this->energy_, kept.deformation(slot), kept.partials(slot), dG.template times<false>(inverse))
               .template times<true>(inverse);
       unrolled<d>([&](auto i) {
         unrolled<d>([&](auto k) { hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch); });
       });
     }
+  }
+
+ private:
+  static auto strain_of(const E& energy) {
+    typename HessianOfAnyEnergy<d>::StrainOfEnergy strain;
+    if constexpr (E::kStrain != StrainTerm::None) strain = {static_cast<float>(energy.mu), KeptPartials<E>::kW};
+    return strain;
   }
 };
 

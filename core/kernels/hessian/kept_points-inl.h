@@ -27,13 +27,14 @@ struct KeptPartials {
 };
 
 /// What linearise() has kept of the points of batch `b`, for the cells in the lanes from `lane` on.
-template <class E, int d>
+template <int d>
 class KeptPoints {
  public:
   HWY_INLINE KeptPoints(const BatchSet& set, std::int32_t b, int lane)
       : partials_(set.linearisation.data() + b * set.linearisation_size() + lane),
         steps_(set.deformation.data() + b * set.deformation_size() + lane),
-        mean_(set.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane) {}
+        mean_(set.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane),
+        entries_(static_cast<std::size_t>(set.entries)) {}
   /// F at the point of a slot.
   HWY_INLINE FloatMatrix<d> deformation(int slot) const {
     const Floats step = load(mean_ + d * d * kBatch);
@@ -51,13 +52,14 @@ class KeptPoints {
   }
   /// The partial derivatives at the point of a slot, as KeptPartials numbers them: entries × lane.
   HWY_INLINE const float* partials(int slot) const {
-    return partials_ + static_cast<std::size_t>(slot) * KeptPartials<E>::kEntries * kBatch;
+    return partials_ + static_cast<std::size_t>(slot) * entries_ * kBatch;
   }
 
  private:
   const float* partials_;
   const std::int16_t* steps_;
   const float* mean_;
+  const std::size_t entries_;
 };
 
 }  // namespace HWY_NAMESPACE

@@ -28,17 +28,10 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-template <class E, int d>
-class VectorLinearisation : public HessianKernels {
-  using PointTag = hn::CappedTag<double, kPointPadding>;
-  using Points = hn::Vec<PointTag>;
-  using Kept = KeptPartials<E>;
-
+/// What does not depend on the energy. It is compiled once for each dimension, and what does once for each energy.
+template <int d>
+class LinearisationOfAnyEnergy : public HessianKernels {
  public:
-  explicit VectorLinearisation(const E& energy) : energy_(energy) {}
-
-  int entries() const override { return Kept::kEntries; }
-
   HWY_FLATTEN void linearise(BatchSet& set, std::int32_t b, const double* deformation) const override {
     const CellSet& cells = *set.cells;
     static thread_local AlignedVector<double> stress;
@@ -49,8 +42,8 @@ class VectorLinearisation : public HessianKernels {
       const double slope = cell < b * kBatch + lane ? 0.0 : slope_of(cells, cell);
       const double* F = deformation + (cell - b * kBatch) * cells.deformation_size();
       keep_deformation(set, b, lane, F);
-      linearise_cell<true>(set, cell, slope, F, set.linearisation.data() + b * set.linearisation_size() + lane,
-                           stress.data() + lane % kCellsAtOnce * cells.deformation_size());
+      linearise_cell(set, cell, slope, F, set.linearisation.data() + b * set.linearisation_size() + lane,
+                     stress.data() + lane % kCellsAtOnce * cells.deformation_size());
       if ((lane + 1) % kCellsAtOnce == 0)
         cell_gradients<kCellsAtOnce>(set, b * kBatch + lane + 1 - kCellsAtOnce, stress.data());
     }
@@ -64,8 +57,8 @@ class VectorLinearisation : public HessianKernels {
     for (int lane = 0; lane < lanes; ++lane) {
       const std::int32_t cell = b * kBatch + lane;
       const double* F = deformation + lane * cells.deformation_size();
-      linearise_cell<false>(set, cell, slope_of(cells, cell), F, nullptr,
-                            stress.data() + lane % kCellsAtOnce * cells.deformation_size());
+      linearise_cell(set, cell, slope_of(cells, cell), F, nullptr,
+                     stress.data() + lane % kCellsAtOnce * cells.deformation_size());
       if ((lane + 1) % kCellsAtOnce == 0)
         cell_gradients<kCellsAtOnce>(set, cell + 1 - kCellsAtOnce, stress.data());
       else if (lane + 1 == lanes)
@@ -74,7 +67,13 @@ class VectorLinearisation : public HessianKernels {
   }
 
  protected:
-  E energy_;
+  using PointTag = hn::CappedTag<double, kPointPadding>;
+  using Points = hn::Vec<PointTag>;
+
+  /// Computes the partial derivatives that are kept of a cell (`kept`, as BatchSet::linearisation; null: they are not
+  /// needed), and w dW/dG at its points (`stress`, d·d × stride).
+  virtual void linearise_cell(const BatchSet& set, std::int32_t cell, double slope, const double* deformation,
+                              float* kept, double* stress) const = 0;
 
  private:
   /// The sums of one node wait for each other, and the table of derivatives is larger than the first cache. So the sums
@@ -106,59 +105,6 @@ class VectorLinearisation : public HessianKernels {
         to[(set.gradient.slots[q] * d * d + entry) * kBatch] =
             to_fixed_point((deformation[entry * cells.stride + q] - mean[entry * kBatch]) / step);
       }
-  }
-
-  /// Computes the partial derivatives that are kept of a cell (`kept`, as BatchSet::linearisation, if kKeeps), and w
-  /// dW/dG at its points (`stress`, d·d × stride).
-  template <bool kKeeps>
-  HWY_INLINE void linearise_cell(const BatchSet& set, std::int32_t cell, double slope, const double* deformation,
-                                 float* kept, double* stress) const {
-    const PointTag tag;
-    const CellSet& cells = *set.cells;
-    const int width = static_cast<int>(hn::Lanes(tag));
-    const double* inverse = cells.inverse_target_of(cell);
-    for (int q = 0; q < cells.stride; q += width) {
-      const Points weight = hn::Set(tag, slope) * (cells.affine ? hn::Load(tag, cells.weights.data() + q) *
-                                                                      hn::Set(tag, *cells.measure_of(cell))
-                                                                : hn::Load(tag, cells.measure_of(cell) + q));
-      alignas(64) double entries[Kept::kEntries][kPointPadding];
-      const Matrix<Points, d> P = expand(deformation + q, cells.stride, weight, cells.delta_squared[cell], entries);
-      for (int p = 0; kKeeps && p < std::min(width, cells.points - q); ++p)
-        for (int entry = 0; entry < Kept::kEntries; ++entry)
-          kept[(set.gradient.slots[q + p] * Kept::kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
-      for (int i = 0; i < d; ++i)
-        for (int k = 0; k < d; ++k) {
-          Points sum = hn::Zero(tag);  // P A⁻ᵀ
-          for (int j = 0; j < d; ++j)
-            sum = hn::MulAdd(P[i][j],
-                             cells.affine ? hn::Set(tag, inverse[k * d + j])
-                                          : hn::Load(tag, inverse + (k * d + j) * cells.stride + q),
-                             sum);
-          hn::Store(sum, tag, stress + (i * d + k) * cells.stride + q);
-        }
-    }
-  }
-
-  /// Computes the partial derivatives that are kept of some points, one per lane; returns w P.
-  HWY_INLINE Matrix<Points, d> expand(const double* deformation, int stride, Points w, double delta_squared,
-                                      double (*kept)[kPointPadding]) const {
-    const PointTag tag;
-    Matrix<Points, d> F;
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) F[i][j] = hn::Load(tag, deformation + (i * d + j) * stride);
-    const Matrix<Points, d> C = cofactor<d>(F);
-    const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-    const Partials<Points> p =
-        energy_.partials(Q, regularised<E::kFunction>(determinant<d>(F), hn::Set(tag, delta_squared)));
-    hn::Store(w * p.f_Q, tag, kept[Kept::kQ]);
-    hn::Store(w * p.f_J, tag, kept[Kept::kJ]);
-    hn::Store(w * p.f_JJ, tag, kept[Kept::kJJ]);
-    if constexpr (E::kMixed) hn::Store(w * p.f_QJ, tag, kept[Kept::kQJ]);
-    if constexpr (E::kCurved) hn::Store(w * p.f_QQ, tag, kept[Kept::kQQ]);
-    if constexpr (E::kStrain != StrainTerm::None) hn::Store(w, tag, kept[Kept::kW]);
-    Matrix<Points, d> P = density_gradient<d>(energy_, F, C, p);
-    for (int k = 0; k < d * d; ++k) P[k / d][k % d] = w * P[k / d][k % d];
-    return P;
   }
 
   /// x without the digits that do not fit in a float. It does not convert to float and back: when GCC 12.2 vectorises
@@ -218,6 +164,83 @@ class VectorLinearisation : public HessianKernels {
       contribution[i] = static_cast<float>(high);
       contribution[d + i] = static_cast<float>(g[i] - high);
     }
+  }
+};
+
+/// What depends on the energy. Base: LinearisationOfAnyEnergy<d>, or a class that is derived from it.
+template <class E, int d, class Base>
+class LinearisationOfEnergy : public Base {
+  using PointTag = typename Base::PointTag;
+  using Points = typename Base::Points;
+  using Kept = KeptPartials<E>;
+
+ public:
+  /// `base`: what is passed on to Base.
+  template <class... Rest>
+  explicit LinearisationOfEnergy(const E& energy, const Rest&... base) : Base(base...), energy_(energy) {}
+
+  int entries() const override { return Kept::kEntries; }
+
+ protected:
+  E energy_;
+
+  HWY_FLATTEN void linearise_cell(const BatchSet& set, std::int32_t cell, double slope, const double* deformation,
+                                  float* kept, double* stress) const override {
+    kept != nullptr ? linearise_points<true>(set, cell, slope, deformation, kept, stress)
+                    : linearise_points<false>(set, cell, slope, deformation, kept, stress);
+  }
+
+ private:
+  /// As linearise_cell().
+  template <bool kKeeps>
+  HWY_INLINE void linearise_points(const BatchSet& set, std::int32_t cell, double slope, const double* deformation,
+                                   float* kept, double* stress) const {
+    const PointTag tag;
+    const CellSet& cells = *set.cells;
+    const int width = static_cast<int>(hn::Lanes(tag));
+    const double* inverse = cells.inverse_target_of(cell);
+    for (int q = 0; q < cells.stride; q += width) {
+      const Points weight = hn::Set(tag, slope) * (cells.affine ? hn::Load(tag, cells.weights.data() + q) *
+                                                                      hn::Set(tag, *cells.measure_of(cell))
+                                                                : hn::Load(tag, cells.measure_of(cell) + q));
+      alignas(64) double entries[Kept::kEntries][kPointPadding];
+      const Matrix<Points, d> P = expand(deformation + q, cells.stride, weight, cells.delta_squared[cell], entries);
+      for (int p = 0; kKeeps && p < std::min(width, cells.points - q); ++p)
+        for (int entry = 0; entry < Kept::kEntries; ++entry)
+          kept[(set.gradient.slots[q + p] * Kept::kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
+      for (int i = 0; i < d; ++i)
+        for (int k = 0; k < d; ++k) {
+          Points sum = hn::Zero(tag);  // P A⁻ᵀ
+          for (int j = 0; j < d; ++j)
+            sum = hn::MulAdd(P[i][j],
+                             cells.affine ? hn::Set(tag, inverse[k * d + j])
+                                          : hn::Load(tag, inverse + (k * d + j) * cells.stride + q),
+                             sum);
+          hn::Store(sum, tag, stress + (i * d + k) * cells.stride + q);
+        }
+    }
+  }
+
+  /// Computes the partial derivatives that are kept of some points, one per lane; returns w P.
+  HWY_INLINE Matrix<Points, d> expand(const double* deformation, int stride, Points w, double delta_squared,
+                                      double (*kept)[kPointPadding]) const {
+    const PointTag tag;
+    Matrix<Points, d> F;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) F[i][j] = hn::Load(tag, deformation + (i * d + j) * stride);
+    const Matrix<Points, d> C = cofactor<d>(F);
+    const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
+    const Partials<Points> p =
+        energy_.partials(Q, regularised<E::kFunction>(determinant<d>(F), hn::Set(tag, delta_squared)));
+    hn::Store(w * p.f_Q, tag, kept[Kept::kQ]);
+    hn::Store(w * p.f_J, tag, kept[Kept::kJ]);
+    hn::Store(w * p.f_JJ, tag, kept[Kept::kJJ]);
+    if constexpr (E::kMixed) hn::Store(w * p.f_QJ, tag, kept[Kept::kQJ]);
+    if constexpr (E::kCurved) hn::Store(w * p.f_QQ, tag, kept[Kept::kQQ]);
+    if constexpr (E::kStrain != StrainTerm::None) hn::Store(w, tag, kept[Kept::kW]);
+    Matrix<Points, d> P = density_gradient<d>(energy_, F, C, p);
+    for (int k = 0; k < d * d; ++k) P[k / d][k % d] = w * P[k / d][k % d];
+    return P;
   }
 };
 
