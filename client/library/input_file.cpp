@@ -28,7 +28,7 @@ tl::unexpected<Failure> unreadable(const std::string& name, int error) {
   return unreadable(name, std::system_category().message(error));
 }
 
-/// Reads a pipe or a device to its end into `copy`.
+/// Reads a pipe, a device or a file without a size to its end into `copy`.
 Outcome<void> read_stream(int stream, const std::string& name, const std::function<bool()>& interrupted,
                           InputFile* copy) {
   std::string piece;
@@ -61,7 +61,8 @@ Outcome<InputFile> InputFile::open(const std::string& path, const std::function<
   struct stat status {};
   if (::fstat(descriptor, &status) != 0) return unreadable(path, errno);
   if (S_ISDIR(status.st_mode)) return unreadable(path, EISDIR);
-  if (S_ISREG(status.st_mode)) {
+  // Files that the kernel makes up, such as the ones in /proc, have no size before they are read.
+  if (S_ISREG(status.st_mode) && status.st_size > 0) {
     file.opened_ = file.version();
     return file;
   }

@@ -9,7 +9,9 @@
 #include <numeric>
 
 #include "core/base/shared_work.h"
+#include "core/base/stopwatch.h"
 #include "core/mesh/bounding_box.h"
+#include "core/mesh/checked_mesh.h"
 #include "core/mesh/conformity.h"
 #include "core/mesh/connectivity.h"
 
@@ -234,6 +236,24 @@ Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Face
   if (auto done = check_conformity(mesh, facet, team); !done) return tl::unexpected<Error>(done.error());
   if (found != nullptr) *found = std::move(facet);
   return {};
+}
+
+Expected<void> check_places(const HighOrderMesh& mesh, const Team& team) {
+  if (auto done = check_coordinates(mesh, team); !done) return done;
+  return check_plane(mesh, team);
+}
+
+Expected<CheckedMesh> check_mesh(HighOrderMesh mesh, CheckFor purpose, const Team& team) {
+  const Stopwatch watch;
+  CheckedMesh result{std::move(mesh), {}};
+  Expected<void> done;
+  team.run([&] {
+    done = purpose == CheckFor::Judging ? check_judgeable(result.mesh, team, &result.facets)
+                                        : check_structure(result.mesh, team, &result.facets);
+  });
+  if (!done) return tl::unexpected(done.error());
+  result.seconds = watch.seconds();
+  return result;
 }
 
 bool lies_flat(const HighOrderMesh& mesh, const Team& team) {

@@ -28,6 +28,9 @@ Expected<void> check_structure(const HighOrderMesh& mesh);
 /// @param found if not null, receives the facets, which the check has to find (core/mesh/connectivity.h)
 Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Facets* found = nullptr);
 
+/// The part of check_structure() that depends on the places of nodes. Call it inside team.run(). Errors: BadInput.
+Expected<void> check_places(const HighOrderMesh& mesh, const Team& team);
+
 /// Whether a 2-D mesh lies in a plane z = constant, but for rounding errors of the mesh generator: 10⁻⁹ of its
 /// diagonal. Call it inside team.run().
 bool lies_flat(const HighOrderMesh& mesh, const Team& team);

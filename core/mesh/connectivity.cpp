@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cassert>
 #include <limits>
 
@@ -189,9 +190,14 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const 
   }
 }
 
+std::atomic<std::int64_t> searches = 0;
+
 }  // namespace
 
+std::int64_t facet_searches() { return searches; }
+
 Facets facets(const HighOrderMesh& mesh, const Team& team) {
+  ++searches;
   const Cells cells(mesh, mesh.dimension);
   Facets result;
   result.first.reserve(cells.count() + 1);

@@ -56,6 +56,9 @@ struct Facets {
 /// Call it inside team.run().
 Facets facets(const HighOrderMesh& mesh, const Team& team = Team(1));
 
+/// How often facets() was called in this process. Tests count with it that nobody finds facets that are known.
+std::int64_t facet_searches();
+
 /// Whether each node is fixed: all nodes on facets with one neighbour and on elements of one dimension less, including
 /// interfaces. So whole vertices, edges and faces are fixed.
 std::vector<bool> fixed_nodes(const HighOrderMesh& mesh);

@@ -12,6 +12,7 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/merit/merit.h"
 #include "core/mesh/check.h"
+#include "core/mesh/checked_mesh.h"
 #include "core/mesh/node_parameters.h"
 #include "core/optimise/run.h"
 #include "core/optimise/set_up.h"
@@ -99,15 +100,34 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& on_iteration, const Run
   return result;
 }
 
+/// The sizes of a mesh that can be judged. A surface in space has no facets.
+Expected<MeshSummary> summary_of(const HighOrderMesh& mesh, const Facets& facets, const Options& options) {
+  const Team team(options.threads);
+  const Expected<std::vector<bool>> fixed =
+      facets.first.empty() ? std::vector<bool>(mesh.node_count(), true) : choose_fixed_nodes(mesh, options, facets);
+  if (!fixed) return tl::unexpected(fixed.error());
+  MeshSummary summary;
+  team.run([&] { summary = mesh_summary(mesh, *fixed, team); });
+  return summary;
+}
+
 }  // namespace
 
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration,
                           const RunControl& control) {
+  if (const auto right = check(options); !right) return tl::unexpected(right.error());
+  auto passed = check_mesh(std::move(mesh), CheckFor::Optimising, Team(options.threads));
+  if (!passed) return tl::unexpected(passed.error());
+  return optimise(std::move(*passed), options, on_iteration, control);
+}
+
+Expected<Result> optimise(CheckedMesh mesh, const Options& options, const OnIteration& on_iteration,
+                          const RunControl& control) {
   StopToken stop(control.stop_asked);
-  if (options.time_limit > 0) stop.stop_after(options.time_limit);
+  if (options.time_limit > 0) stop.stop_after(options.time_limit - mesh.seconds);
   // Before it is stopped, a run that goes on from a checkpoint must have the mesh that it had come to.
   const bool may_stop = control.checkpoint.empty();
-  const NodesWithParameters with_parameters(mesh);
+  const NodesWithParameters with_parameters(mesh.mesh);
   const Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(mesh), options, may_stop ? &stop : nullptr);
   if (!prepared) return tl::unexpected(prepared.error());
   Result result = optimise_set_up(**prepared, on_iteration, control, stop);
@@ -118,20 +138,16 @@ Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIt
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   const Team team(options.threads);
-  Facets facet;
+  Facets facets;
   Expected<void> checked;
-  bool surface = false;
-  team.run([&] {
-    checked = check_judgeable(mesh, team, &facet);
-    surface = checked && is_surface(mesh, team);
-  });
+  team.run([&] { checked = check_judgeable(mesh, team, &facets); });
   if (!checked) return tl::unexpected(checked.error());
-  const Expected<std::vector<bool>> fixed =
-      surface ? std::vector<bool>(mesh.node_count(), true) : choose_fixed_nodes(mesh, options, std::move(facet));
-  if (!fixed) return tl::unexpected(fixed.error());
-  MeshSummary summary;
-  team.run([&] { summary = mesh_summary(mesh, *fixed, team); });
-  return summary;
+  return summary_of(mesh, facets, options);
+}
+
+Expected<MeshSummary> summarise(const CheckedMesh& of, const Options& options) {
+  if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
+  return summary_of(of.mesh, of.facets, options);
 }
 
 // ===== Optimiser =====
@@ -173,7 +189,7 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
     mesh.coordinates.swap(coordinates);
     const Team team(set_up_->options.threads);
     Expected<void> checked;
-    team.run([&] { checked = check_structure(mesh, team); });
+    team.run([&] { checked = check_places(mesh, team); });
     if (!checked) {
       mesh.coordinates.swap(coordinates);  // keeps the coordinates that were checked last
       return tl::unexpected(checked.error());

@@ -12,6 +12,7 @@
 
 namespace varimesh {
 
+struct CheckedMesh;
 struct SetUp;
 
 /// Optimises a mesh. Checks the mesh and the options first. Errors: BadInput, BadOption. The same mesh in other units
@@ -26,9 +27,15 @@ struct SetUp;
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {},
                           const RunControl& control = {});
 
+/// The same for a mesh that is checked for optimising. The seconds of the check count.
+Expected<Result> optimise(CheckedMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {},
+                          const RunControl& control = {});
+
 /// The sizes of a mesh, and how many nodes would move with these options. Nothing is optimised. The mesh may be a
 /// surface in space, whose nodes would not move. Errors: BadInput, BadOption.
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options = {});
+/// The same for a mesh that is checked for judging.
+Expected<MeshSummary> summarise(const CheckedMesh& mesh, const Options& options = {});
 
 /// Repeated work on one mesh topology (a moving boundary, a design loop): set up once, run for each set of coordinates.
 class Optimiser {

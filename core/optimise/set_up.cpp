@@ -9,7 +9,6 @@
 #include "core/base/stopwatch.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/mesh/changes/change_order.h"
-#include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/node_conversion.h"
@@ -30,42 +29,40 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
 
-/// Turns cells that are numbered clockwise. Only then are the facets of the mesh in the order of their cells again.
-std::vector<char> turn_clockwise(HighOrderMesh& mesh, const Team& team, Facets& found) {
-  std::vector<char> clockwise = detail::clockwise_cells(mesh, found, team);
+/// Turns cells that are numbered clockwise. The facets of such a cell then have another order.
+std::vector<char> turn_clockwise(CheckedMesh& of, const Team& team) {
+  std::vector<char> clockwise = detail::clockwise_cells(of.mesh, of.facets, team);
   if (clockwise.empty()) return clockwise;
-  detail::turn_cells(mesh, clockwise, team);
-  found = {};  // so that two tables are not in memory at the same time
-  found = facets(mesh, team);
+  detail::turn_cells(of.mesh, clockwise, team);
+  of.facets = {};  // so that two tables are not in memory at the same time
+  of.facets = facets(of.mesh, team);
   return clockwise;
 }
 
-/// Checks the mesh, turns clockwise cells, and changes the order if the options name one. `found` receives the facets,
-/// `clockwise` the cells that were turned. Inside team.run().
-Expected<void> prepare(HighOrderMesh& mesh, const Options& options, const Team& team, Facets& found,
-                       std::vector<char>& clockwise) {
-  if (auto checked = check_structure(mesh, team, &found); !checked) return checked;
-  clockwise = turn_clockwise(mesh, team, found);
+/// Turns clockwise cells, and changes the order if the options name one, which leaves the facets as they are.
+/// `clockwise` receives the cells that were turned. Inside team.run().
+Expected<void> prepare(CheckedMesh& of, const Options& options, const Team& team, std::vector<char>& clockwise) {
+  HighOrderMesh& mesh = of.mesh;
+  clockwise = turn_clockwise(of, team);
   if (!(frame_of(mesh, team).diagonal > 0))
     return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
   if (options.order == 0 || options.order == mesh.order) return {};
   Expected<HighOrderMesh> changed = change_order(mesh, options.order);
   if (!changed) return tl::unexpected(changed.error());
   mesh = std::move(*changed);
-  found = facets(mesh, team);
   return {};
 }
 
 /// Brings layers into form, and fixes their nodes (core/layers/layers.h), if the objective is accuracy and the elements
 /// aim at their straight-sided shapes. A mesh that came in valid keeps its nodes, so there is nothing to be moved in
 /// it.
-void start_with_layers(SetUp& set_up, const Facets& facets, const Team& team) {
+void start_with_layers(SetUp& set_up, const Team& team) {
   const Options& options = set_up.options;
   const bool is_wanted = options.objective == Objective::Accuracy && options.target == Target::StraightSided &&
                          options.method == Method::Auto && options.max_iterations > 0 &&
                          options.repair != Repair::Split;
   if (!is_wanted) return;
-  team.run([&] { set_up.layers = start_layers(set_up.mesh, facets, set_up.fixed, team); });
+  team.run([&] { set_up.layers = start_layers(set_up.mesh, set_up.facets, set_up.fixed, team); });
   if (!set_up.layers.coordinates.empty()) {
     set_up.as_it_came = std::move(set_up.mesh.coordinates);
     set_up.mesh.coordinates = std::move(set_up.layers.coordinates);
@@ -99,19 +96,26 @@ MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fix
   return summary;
 }
 
-Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& given, const StopToken* stop) {
-  const Stopwatch watch;
+Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop) {
+  if (const auto right = check(options); !right) return tl::unexpected(right.error());
+  auto passed = check_mesh(std::move(mesh), CheckFor::Optimising, Team(options.threads));
+  if (!passed) return tl::unexpected(passed.error());
+  return set_up(std::move(*passed), options, stop);
+}
+
+Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& of, const Options& given, const StopToken* stop) {
+  const Stopwatch watch = Stopwatch::started(of.seconds);
+  HighOrderMesh& mesh = of.mesh;
   Options options = given;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   const Team team(options.threads);
-  Facets facets;
   std::vector<char> clockwise;
-  Expected<void> checked;
-  team.run([&] { checked = prepare(mesh, options, team, facets, clockwise); });
-  if (!checked) return tl::unexpected(checked.error());
+  Expected<void> prepared;
+  team.run([&] { prepared = prepare(of, options, team, clockwise); });
+  if (!prepared) return tl::unexpected(prepared.error());
   options.objective = objective_of(options, mesh.order);
   // Outside team.run(), because a region by quality brings a team of its own.
-  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, facets);
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, of.facets);
   if (!fixed) return tl::unexpected(fixed.error());
   Expected<StretchField> target = resolve_target_field(mesh, options);
   if (!target) return tl::unexpected(target.error());
@@ -123,8 +127,8 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& giv
   result->target = std::move(*target);
   team.run([&] { result->summary = mesh_summary(mesh, *fixed, team); });
   result->mesh = std::move(mesh);
-  start_with_layers(*result, facets, team);
-  facets = {};
+  result->facets = std::move(of.facets);
+  start_with_layers(*result, team);
   const auto iterates = [&] {
     return options.max_iterations > 0 && options.repair != Repair::Split && (stop == nullptr || !stop->stopped());
   };
@@ -141,7 +145,8 @@ SubstituteTargets choose_targets(SetUp& set_up, const Certifier& certifier, cons
   const HighOrderMesh& mesh = set_up.mesh;
   SubstituteShapes substitutes;
   team.run([&] {
-    substitutes = substitute_shapes(mesh, certifier.sound_with_straight_sides(mesh.coordinates, team), team);
+    substitutes =
+        substitute_shapes(mesh, set_up.facets, certifier.sound_with_straight_sides(mesh.coordinates, team), team);
     set_targets(set_up.problem, set_up.target, frame.diagonal, substitutes, team);
   });
   SubstituteTargets named;

@@ -8,7 +8,7 @@
 #include "core/base/stop_token.h"
 #include "core/base/team.h"
 #include "core/layers/layers.h"
-#include "core/mesh/high_order_mesh.h"
+#include "core/mesh/checked_mesh.h"
 #include "core/optimise/result.h"
 #include "core/optimise/stages.h"
 #include "core/options/options.h"
@@ -23,6 +23,7 @@ namespace varimesh {
 /// A checked mesh with everything that its runs share. It must stay where it is in memory while a run refers to it.
 struct SetUp {
   HighOrderMesh mesh;  ///< In the order in which it is optimised, without clockwise cells.
+  Facets facets;       ///< Of this mesh.
   /// Layers at curved walls, with Objective::Accuracy. If their nodes were moved, `mesh` has them where they went, and
   /// `as_it_came` the coordinates before; otherwise it is empty.
   LayerStart layers;
@@ -40,9 +41,12 @@ struct SetUp {
   double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
 };
 
-/// Checks the mesh and the options, turns clockwise cells, changes the order if asked to, colours the nodes and
-/// prepares the tables, with options.threads threads. Errors: BadInput, BadOption. If `stop`, which may be null, says
-/// so, it leaves out what only iterations need.
+/// Checks the options, turns clockwise cells, changes the order if asked to, colours the nodes and prepares the tables,
+/// with options.threads threads. Errors: BadInput, BadOption. If `stop`, which may be null, says so, it leaves out what
+/// only iterations need.
+Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
+
+/// The same for a mesh that is not checked yet.
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
 
 /// Sets the targets of the problem, whose positions are those of the mesh in this frame. Returns the cells that do not

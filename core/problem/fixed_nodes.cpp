@@ -82,8 +82,8 @@ bool is_in(const ElementBlock& block, const std::vector<Group>& groups) {
 // Which nodes are fixed. The public functions are called in the order of their declaration.
 class FixedNodes {
  public:
-  FixedNodes(const HighOrderMesh& mesh, Facets facets)
-      : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(std::move(facets)) {}
+  FixedNodes(const HighOrderMesh& mesh, const Facets& facets)
+      : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(facets) {}
 
   // The outer boundary and all interfaces, except those of the groups in `free`.
   Expected<void> fix_boundary(const std::vector<std::string>& free) {
@@ -230,7 +230,7 @@ class FixedNodes {
 
   const HighOrderMesh& mesh_;
   Cells cells_;
-  Facets facets_;
+  const Facets& facets_;
   std::vector<bool> outer_;
   std::vector<bool> fixed_;
 };
@@ -241,8 +241,9 @@ Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const 
   return choose_fixed_nodes(mesh, options, facets(mesh));
 }
 
-Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options, Facets facets) {
-  FixedNodes fixed(mesh, std::move(facets));
+Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options,
+                                               const Facets& facets) {
+  FixedNodes fixed(mesh, facets);
   if (const auto done = fixed.fix_boundary(options.free); !done) return tl::unexpected(done.error());
   if (const auto done = fixed.free_nodes(options.free_nodes); !done) return tl::unexpected(done.error());
   if (const auto done = fixed.fix_groups(options.fix); !done) return tl::unexpected(done.error());

@@ -27,6 +27,6 @@ namespace varimesh {
 /// geometry to slide on.
 Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options);
 /// The same for facets that are known already.
-Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options, Facets facets);
+Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options, const Facets& facets);
 
 }  // namespace varimesh

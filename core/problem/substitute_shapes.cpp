@@ -228,7 +228,8 @@ const Vertices* SubstituteShapes::of(std::int32_t cell) const {
   return found != cells.end() && *found == cell ? &vertices[at(found - cells.begin())] : nullptr;
 }
 
-SubstituteShapes substitute_shapes(const HighOrderMesh& mesh, const std::vector<char>& sound, const Team& team) {
+SubstituteShapes substitute_shapes(const HighOrderMesh& mesh, const Facets& facets, const std::vector<char>& sound,
+                                   const Team& team) {
   SubstituteShapes result;
   const std::vector<Need> needs = needs_by_vertices(mesh, Cells(mesh, mesh.dimension), sound, team);
   if (std::ranges::all_of(needs, [](Need need) { return need == kNone; })) return result;
@@ -237,11 +238,10 @@ SubstituteShapes substitute_shapes(const HighOrderMesh& mesh, const std::vector<
     if (needs[cell] == kInverted || (needs[cell] == kNearlyFlat && is_flat_for_its_volume(integrator, cell)))
       result.cells.push_back(static_cast<std::int32_t>(cell));
   if (result.cells.empty()) return result;
-  const Facets facet = facets(mesh);
   for (const std::int32_t c : result.cells) {
     const auto cell = at(c);
     result.vertices.push_back(
-        as_vertices(regular(integrator, cell, mesh.dimension, volume_for(mesh, integrator, facet, cell))));
+        as_vertices(regular(integrator, cell, mesh.dimension, volume_for(mesh, integrator, facets, cell))));
   }
   return result;
 }

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/mesh/high_order_mesh.h"
+#include "core/mesh/connectivity.h"
 
 namespace varimesh {
 
@@ -35,8 +35,10 @@ struct SubstituteShapes {
 /// neighbours across facets, it is that mean; only positive volumes count, and if no neighbour has one, those of all
 /// cells.
 ///
-/// @param sound by cell, Certifier::sound_with_straight_sides()
+/// @param facets of the mesh
+/// @param sound  by cell, Certifier::sound_with_straight_sides()
 /// Call it inside team.run(). The result does not depend on the number of threads.
-SubstituteShapes substitute_shapes(const HighOrderMesh& mesh, const std::vector<char>& sound, const Team& team);
+SubstituteShapes substitute_shapes(const HighOrderMesh& mesh, const Facets& facets, const std::vector<char>& sound,
+                                   const Team& team);
 
 }  // namespace varimesh

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/mesh/connectivity.h"
 #include "core/quality/quality.h"
 #include "core/validity/certifier.h"
 
@@ -15,8 +16,8 @@ QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std
                       int intervals, const Team& team);
 
 /// quality() of core/quality/quality.h with the team's threads. Do not call it inside team.run(). The team's token may
-/// interrupt it.
-QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team);
+/// interrupt it. `facets`: those of the mesh, if they are known and it is no surface in space.
+QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team, const Facets* facets = nullptr);
 
 /// The same as the first in a twentieth of the time, for runs that are to end at once: samples are only at the
 /// vertices, at the middle of edges and between them (lattice_intervals 2), no bound is sharpened, and the loss of

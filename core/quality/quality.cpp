@@ -203,12 +203,12 @@ QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   return quality(mesh, intervals, Team(threads));
 }
 
-QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team) {
+QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team, const Facets* facets) {
   std::optional<detail::JudgedMesh> judged;
   std::optional<Certifier> certifier;
   std::vector<Certificate> certificates;
   team.run([&] {
-    judged.emplace(mesh, team);
+    judged.emplace(mesh, team, facets);
     certifier.emplace(judged->mesh(), CertificateOptions{}, team);
     certificates.resize(certifier->cells());
     certifier->certify(judged->mesh().coordinates, certificates, team);

@@ -140,9 +140,9 @@ void FlatSurface::put_in_space(QualityReport& report) const {
   if (!is_plane()) report.accuracy.reset();  // the planar cells do not show how far the surface bends
 }
 
-JudgedMesh::JudgedMesh(const HighOrderMesh& mesh, const Team& team) {
+JudgedMesh::JudgedMesh(const HighOrderMesh& mesh, const Team& team, const Facets* facets) {
   if (is_surface(mesh, team)) surface_.emplace(mesh, team);
-  oriented_.emplace(surface_ ? surface_->mesh() : mesh, team);
+  oriented_.emplace(surface_ ? surface_->mesh() : mesh, team, surface_ ? nullptr : facets);
 }
 
 std::vector<std::int64_t> JudgedMesh::clockwise() const {

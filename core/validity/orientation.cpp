@@ -283,8 +283,9 @@ std::vector<std::int64_t> cell_numbers(const HighOrderMesh& mesh, std::span<cons
   return numbers;
 }
 
-OrientedMesh::OrientedMesh(const HighOrderMesh& mesh, const Team& team) : mesh_(mesh) {
-  const std::vector<char> clockwise = clockwise_cells(mesh, facets(mesh, team), team);
+OrientedMesh::OrientedMesh(const HighOrderMesh& mesh, const Team& team, const Facets* facets) : mesh_(mesh) {
+  const std::vector<char> clockwise = facets != nullptr ? clockwise_cells(mesh, *facets, team)
+                                                        : clockwise_cells(mesh, varimesh::facets(mesh, team), team);
   if (clockwise.empty()) return;
   clockwise_ = cell_numbers(mesh, clockwise);
   turned_ = mesh;

@@ -37,8 +37,8 @@ std::vector<std::int64_t> cell_numbers(const HighOrderMesh& mesh, std::span<cons
 /// A mesh without clockwise cells: the mesh itself, or a copy in which they are turned. The mesh must outlive it.
 class OrientedMesh {
  public:
-  /// Call it inside team.run().
-  explicit OrientedMesh(const HighOrderMesh& mesh, const Team& team = Team(1));
+  /// Call it inside team.run(). `facets`: those of the mesh, if they are known.
+  explicit OrientedMesh(const HighOrderMesh& mesh, const Team& team = Team(1), const Facets* facets = nullptr);
 
   const HighOrderMesh& mesh() const { return turned_ ? *turned_ : mesh_; }
   /// The element numbers of the cells that came clockwise.

@@ -13,6 +13,7 @@
 #include "core/diagnosis/diagnose.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
+#include "core/mesh/checked_mesh.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
@@ -107,18 +108,19 @@ std::int64_t memory_of_lattice(const HighOrderMesh& mesh, int intervals) {
 }
 
 /// Judges a mesh without moving anything, as the command's `quality` does.
-Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, const Options& options, const RunHooks& hooks) {
-  const auto sizes = summarise(mesh, options);  // also checks the mesh
+Expected<Result> judge(CheckedMesh of, const v1::QualityTask& task, const Options& options, const RunHooks& hooks) {
+  const HighOrderMesh& mesh = of.mesh;
+  const auto sizes = summarise(of, options);
   if (!sizes) return tl::unexpected(sizes.error());
   Result result;
   result.sizes = *sizes;
   StopToken stop(
       [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
-  if (options.time_limit > 0) stop.stop_after(options.time_limit);
+  if (options.time_limit > 0) stop.stop_after(options.time_limit - of.seconds);
   Team team(options.threads);
   team.set_stop(&stop);
   try {
-    result.before = result.after = quality(mesh, task.lattice(), team);
+    result.before = result.after = quality(mesh, task.lattice(), team, of.facets.first.empty() ? nullptr : &of.facets);
     if (task.diagnose() && !result.after.uncertified.empty())
       result.unrepairable = with_any_of(diagnose(mesh, team), uncertified_numbers(result.after));
   } catch (const Interrupted&) {
@@ -127,7 +129,7 @@ Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, const Op
           "The time limit passed while the mesh was judged; allow more seconds, or take a coarser lattice.");
     result.stopped = true;
   }
-  result.mesh = std::move(mesh);
+  result.mesh = std::move(of.mesh);
   return result;
 }
 
@@ -149,10 +151,6 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
 /// Slides the boundary nodes on the model of the request, and takes the time from its time limit. Nothing if the run is
 /// to stop meanwhile, or if the limit passes: then the mesh is as it came, and a note says so.
 Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, RunRequest& request, const RunHooks& hooks) {
-  if (is_surface(mesh))
-    return bad_input(
-        "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
-        "--server.");
   const auto model = request.model->geometry();
   if (!model) return tl::unexpected(model.error());
   double& limit = request.options.time_limit;
@@ -231,14 +229,19 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
   if (!*file) return RunOutcome(stopped_early());
-  HighOrderMesh mesh = std::move((*file)->mesh);
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
+  if (request.model && is_surface((*file)->mesh))
+    return bad_input(
+        "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
+        "--server.");
+  auto checked = check_mesh(std::move((*file)->mesh), request.quality ? CheckFor::Judging : CheckFor::Optimising,
+                            Team(request.options.threads));
+  if (!checked) return tl::unexpected(checked.error());
+  HighOrderMesh& mesh = checked->mesh;
   const auto outputs = definite_outputs(request.outputs, read_as);
-  if (const auto have = check_outputs_can_hold(mesh, request.options.order, outputs, request.quality.has_value(),
-                                               request.options.threads);
-      !have)
+  if (const auto have = check_outputs_can_hold(mesh, request.options.order, outputs, request.options.threads); !have)
     return tl::unexpected(have.error());
   const std::int64_t lattice = request.quality ? memory_of_lattice(mesh, request.quality->lattice()) : 0;
   const std::int64_t of_model = request.model ? request.model->memory() : 0;
@@ -262,8 +265,8 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
       for (const std::string& sentence : slid->slid.sentences) hooks.on_note(sentence);
   }
   request.options.threads = std::min(request.options.threads, most);
-  auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options, hooks)
-                                : optimise(std::move(mesh), request.options, hooks.on_iteration, control);
+  auto result = request.quality ? judge(std::move(*checked), *request.quality, request.options, hooks)
+                                : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());
   if (wanted)

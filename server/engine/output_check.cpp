@@ -4,10 +4,8 @@
 #include <array>
 #include <string_view>
 
-#include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/mesh/changes/change_order.h"
-#include "core/mesh/check.h"
 #include "core/reference/nodes.h"
 #include "server/engine/translate.h"
 
@@ -46,18 +44,10 @@ bool is_mesh_file(v1::MeshFormat format) {
   return format != v1::MESH_FORMAT_PARTS && format != v1::MESH_FORMAT_CELL_QUALITY;
 }
 
-/// Whether the mesh is one that the run takes.
-bool is_sound(const HighOrderMesh& mesh, bool judges, int threads) {
-  const Team team(threads);
-  bool sound = false;
-  team.run([&] { sound = (judges ? check_judgeable(mesh, team) : check_structure(mesh, team)).has_value(); });
-  return sound;
-}
-
 }  // namespace
 
 Expected<void> check_outputs_can_hold(const HighOrderMesh& mesh, int order, std::span<const v1::MeshFormat> formats,
-                                      bool judges, int threads) {
+                                      int threads) {
   if (std::ranges::none_of(formats, is_mesh_file)) return {};
   HighOrderMesh sample = one_cell_of_each(mesh);
   if (order > 0 && order != mesh.order) {
@@ -65,8 +55,8 @@ Expected<void> check_outputs_can_hold(const HighOrderMesh& mesh, int order, std:
     if (!changed) return {};  // The run itself says why.
     sample = std::move(*changed);
   }
-  // A mesh of another order gets new nodes, which neighbours share. If the run does not take the mesh, it says why.
-  const bool looks_at_sides = (order <= 0 || order == mesh.order) && is_sound(mesh, judges, threads);
+  // A mesh of another order gets new nodes, which neighbours share.
+  const bool looks_at_sides = order <= 0 || order == mesh.order;
   for (const v1::MeshFormat format : formats) {
     if (!is_mesh_file(format)) continue;
     const auto written = formats::write(sample, format_from(format), [](std::string_view) { return true; });

@@ -100,7 +100,7 @@ VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& f
   Problem barrier = build_problem(straight, fixed, 0, team);
   const Certifier certifier(mesh, {}, team);
   const SubstituteShapes substitutes =
-      substitute_shapes(mesh, certifier.sound_with_straight_sides(mesh.coordinates, team), team);
+      substitute_shapes(mesh, facets(mesh, team), certifier.sound_with_straight_sides(mesh.coordinates, team), team);
   // The targets need only the vertices, which are the same nodes in both sets of nodes.
   problem_.positions = barrier.positions = solver_positions(straight, mesh.coordinates, frame_, team);
   for (Problem* part : {&problem_, &barrier}) set_targets(*part, {}, frame_.diagonal, substitutes, team);

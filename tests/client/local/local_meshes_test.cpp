@@ -9,6 +9,7 @@
 #include "client/local/local.h"
 #include "client/process/temporary_folder.h"
 #include "core/base/sha256.h"
+#include "core/mesh/connectivity.h"
 
 namespace varimesh::client {
 namespace {
@@ -105,6 +106,12 @@ TEST(LocalMeshes, TheResultHasTheBytesThatItHasThroughTheCalls) {
     EXPECT_GT(result.size(), 1000U);
     EXPECT_EQ(result, run_job(name, false)) << name;
   }
+}
+
+TEST(LocalMeshes, AJobFindsTheFacetsOfItsMeshOnce) {
+  const std::int64_t before = facet_searches();
+  run_job("sphere_p3.msh", true);
+  EXPECT_EQ(facet_searches() - before, 1);
 }
 
 }  // namespace

@@ -23,7 +23,8 @@ SubstituteShapes substitutes_of(const HighOrderMesh& mesh, int threads = 1) {
   const Team team(threads);
   SubstituteShapes result;
   team.run([&] {
-    result = substitute_shapes(mesh, Certifier(mesh).sound_with_straight_sides(mesh.coordinates, team), team);
+    result = substitute_shapes(mesh, facets(mesh, team),
+                               Certifier(mesh).sound_with_straight_sides(mesh.coordinates, team), team);
   });
   return result;
 }

@@ -1,0 +1,26 @@
+// A mesh that has passed the checks, with what they found, so that nobody finds it again.
+#pragma once
+
+#include <cstdint>
+
+#include "core/base/error.h"
+#include "core/mesh/connectivity.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh {
+
+/// A mesh that has passed check_structure(), or check_judgeable() if it is only to be judged. Whoever changes which
+/// nodes its cells have must check it again.
+struct CheckedMesh {
+  HighOrderMesh mesh;
+  Facets facets;       ///< Of the mesh. Without entries if the mesh is a surface in space.
+  double seconds = 0;  ///< What the check took.
+};
+
+/// Which meshes pass: those that can be optimised, or those that can be judged.
+enum class CheckFor : std::uint8_t { Optimising, Judging };
+
+/// Checks a mesh. Errors: BadInput, as check_structure() or check_judgeable(). Do not call it inside team.run().
+Expected<CheckedMesh> check_mesh(HighOrderMesh mesh, CheckFor purpose, const Team& team);
+
+}  // namespace varimesh
