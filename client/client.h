@@ -122,7 +122,7 @@ class Client {
                          const std::function<bool()>& on_wait = {});
 
   Outcome<JobResult> result(const std::string& name);
-  /// Writes the mesh to a temporary file beside `path`, compares its digest, and renames it (formats::OutputFile).
+  /// Writes the mesh to a temporary file beside `path`, compares its digest, and renames it (OutputFile).
   Outcome<void> download(const v1::StoredMesh& mesh, const std::string& path);
 
  private:

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include "client/cli/names.h"
-#include "core/formats/output_file.h"
+#include "core/base/io/output_file.h"
 
 namespace varimesh::client {
 
 Expected<void> write_history(const std::string& path, const std::vector<v1::Iteration>& history) {
-  auto file = formats::OutputFile::open(path);
+  auto file = OutputFile::open(path);
   if (!file) return tl::unexpected(file.error());
   std::string lines =
       "iteration,phase,energy,residual,relative_gradient,min_scaled_jacobian,invalid_elements,repairable_elements,"

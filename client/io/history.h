@@ -9,7 +9,7 @@
 
 namespace varimesh::client {
 
-/// Writes one line per iteration, after a line with the names of the columns (formats::OutputFile). Errors: Output.
+/// Writes one line per iteration, after a line with the names of the columns (OutputFile). Errors: Output.
 Expected<void> write_history(const std::string& path, const std::vector<v1::Iteration>& history);
 
 }  // namespace varimesh::client

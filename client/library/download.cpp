@@ -8,8 +8,8 @@
 #include "client/library/interrupter.h"
 #include "client/library/retry_policy.h"
 #include "client/library/zstd_frame.h"
+#include "core/base/io/output_file.h"
 #include "core/base/sha256.h"
-#include "core/formats/output_file.h"
 
 namespace varimesh::client {
 namespace {
@@ -18,7 +18,7 @@ constexpr std::size_t kMostChunkBytes = 1024 * 1024;
 
 /// Reads the stream from request.offset() to its end, or until the file cannot be written. `offset` moves on with the
 /// bytes. Returns false if a chunk is damaged.
-bool read_chunks(grpc::ClientReader<v1::DownloadMeshResponse>& stream, formats::OutputFile& file, Sha256& digest,
+bool read_chunks(grpc::ClientReader<v1::DownloadMeshResponse>& stream, OutputFile& file, Sha256& digest,
                  v1::DownloadMeshRequest* request, RetryPolicy* retries) {
   v1::DownloadMeshResponse response;
   std::string content;
@@ -40,7 +40,7 @@ Outcome<void> copy(const InputFile& from, const std::string& path, const Setting
     return file_failure(
         "The input file has changed since the job read it, so it cannot be shown beside the result; write results to "
         "other files.");
-  auto file = formats::OutputFile::open(path);
+  auto file = OutputFile::open(path);
   if (!file) return file_failure(file.error().sentence);
   for (std::int64_t offset = 0;;) {
     if (settings.wants_to_stop()) return interruption("Interrupted while the result was being written.");
@@ -58,7 +58,7 @@ Outcome<void> copy(const InputFile& from, const std::string& path, const Setting
 Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& path) {
   if (settings_.exchange != nullptr)
     if (const auto kept = settings_.exchange->find(mesh.digest()); kept != nullptr) return copy(*kept, path, settings_);
-  auto file = formats::OutputFile::open(path);
+  auto file = OutputFile::open(path);
   if (!file) return file_failure(file.error().sentence);
   Sha256 digest;
   v1::DownloadMeshRequest request;

@@ -12,7 +12,7 @@
 
 #include "client/client.h"
 #include "client/library/failures.h"
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 
 namespace varimesh::client {
 namespace {

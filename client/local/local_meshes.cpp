@@ -57,8 +57,8 @@ Expected<server::RunOutcome> LocalMeshes::run(const server::Engine& inner, serve
   if (!bytes) return bad_input(bytes.error().sentence);
   request.input = std::make_shared<Bytes>(std::move(*bytes));
   server::RunHooks own = hooks;
-  own.open_output = [&](v1::MeshFormat format) -> formats::Sink {
-    const formats::Sink stored = hooks.open_output(format);
+  own.open_output = [&](v1::MeshFormat format) -> Sink {
+    const Sink stored = hooks.open_output(format);
     auto made = InputFile::temporary("result");
     if (!made) return [](std::string_view) { return false; };
     auto file = std::make_shared<InputFile>(std::move(*made));

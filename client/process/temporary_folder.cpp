@@ -4,7 +4,7 @@
 #include <mutex>
 #include <set>
 
-#include "core/formats/output_file.h"
+#include "core/base/io/output_file.h"
 
 namespace varimesh::client {
 namespace {
@@ -40,7 +40,7 @@ TemporaryFolder::~TemporaryFolder() {
 }
 
 void remove_temporary_files() {
-  formats::OutputFile::discard_all();
+  OutputFile::discard_all();
   folders().mutex.lock();  // This is never unlocked, so that no new folders are made.
   // Other threads may still write. A file that appears while its folder is being removed makes the removal fail, so it
   // is repeated.

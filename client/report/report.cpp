@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "client/report/page_files.h"
-#include "core/formats/output_file.h"
+#include "core/base/io/output_file.h"
 
 namespace varimesh::client {
 namespace {
@@ -26,7 +26,7 @@ std::string embedded(const Json& document) {
 
 /// Writes the template `page`, with `parts.at(name)` in place of {{name}}.
 Expected<void> fill(std::string_view page, const std::map<std::string_view, std::vector<std::string_view>>& parts,
-                    formats::OutputFile* file) {
+                    OutputFile* file) {
   while (true) {
     const auto begin = page.find("{{");
     file->write(page.substr(0, begin));
@@ -40,7 +40,7 @@ Expected<void> fill(std::string_view page, const std::map<std::string_view, std:
 }  // namespace
 
 Expected<void> write_report(const std::string& path, const Report& report) {
-  auto file = formats::OutputFile::open(path);
+  auto file = OutputFile::open(path);
   if (!file) return tl::unexpected(file.error());
   Json all = {{"title", report.title},
               {"document", report.document},

@@ -30,7 +30,7 @@ struct Report {
   BoundaryDistanceArrays distances;  ///< Empty: not known.
 };
 
-/// Writes the page (formats::OutputFile). If the two meshes do not have the same elements, it shows only the one after.
+/// Writes the page (OutputFile). If the two meshes do not have the same elements, it shows only the one after.
 /// Errors: Output; BadInput if the quality of a mesh cannot be computed.
 Expected<void> write_report(const std::string& path, const Report& report);
 

@@ -18,7 +18,7 @@
 #include <cstring>
 #include <memory>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 
 namespace varimesh::client {
 namespace {

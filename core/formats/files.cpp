@@ -7,8 +7,8 @@
 #include <cerrno>
 #include <system_error>
 
+#include "core/base/io/output_file.h"
 #include "core/formats/formats.h"
-#include "core/formats/output_file.h"
 
 namespace varimesh::formats {
 

@@ -39,7 +39,4 @@ Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view byt
 Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
                      std::span<const CellField> fields, int threads = 1);
 
-/// The name of a format of this library; "auto" for Format::Auto.
-std::string_view format_name(Format format);
-
 }  // namespace varimesh::formats

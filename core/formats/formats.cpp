@@ -6,21 +6,18 @@
 #include <cassert>
 #include <filesystem>
 
-#include "core/formats/cgns/cgns.h"
 #include "core/formats/format_table.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
-#include "core/formats/hdf5/files.h"
-#include "core/formats/hdf5/read.h"
-#include "core/formats/hopr/hopr.h"
+#include "core/formats/hdf5/hdf5.h"
+#include "core/formats/hdf5/process.h"
 #include "core/formats/ism/ism.h"
 #include "core/formats/mfem/mfem.h"
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/other_files.h"
-#include "core/formats/pyfr/pyfr.h"
 #include "core/formats/su2/su2.h"
-#include "core/formats/vtu.h"
 #include "core/formats/vtu/read.h"
+#include "core/formats/vtu/write.h"
 
 namespace varimesh::formats {
 
@@ -30,21 +27,25 @@ namespace {
 constexpr Format kDefaultFormat = Format::Msh41Binary;
 constexpr std::string_view kDefaultExtension = ".msh";
 
+template <class... Functions>
+constexpr FormatEntry row(Format format, std::string_view extension, Functions... functions) {
+  return {format, format_name(format), extension, functions...};
+}
+
 // One row per format.
 constexpr std::array kTable = {
-    FormatEntry{Format::Msh22, "msh22", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
-    FormatEntry{Format::Msh22Binary, "msh22-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
-    FormatEntry{Format::Msh41, "msh41", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
-    FormatEntry{Format::Msh41Binary, "msh41-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
-    FormatEntry{Format::Vtu, "vtu", ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu},
-    FormatEntry{Format::Mfem, "mfem", ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem, check_mfem_sides},
-    FormatEntry{Format::Nektar, "nektar", ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar,
-                check_nektar_sides},
-    FormatEntry{Format::Su2, "su2", ".su2", nullptr, nullptr, write_su2, not_in_su2},
-    FormatEntry{Format::Ism, "ism", ".ism", begins_like_ism, read_ism},
-    FormatEntry{Format::Hopr, "hopr", ".h5", begins_like_hdf5, read_hdf5, write_hopr, not_in_hopr, check_hopr_sides},
-    FormatEntry{Format::Cgns, "cgns", ".cgns", begins_like_hdf5, read_hdf5, write_cgns, not_in_cgns},
-    FormatEntry{Format::Pyfr, "pyfr", ".pyfrm", nullptr, nullptr, write_pyfr, not_in_pyfr, check_pyfr_sides},
+    row(Format::Msh22, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
+    row(Format::Msh22Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
+    row(Format::Msh41, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
+    row(Format::Msh41Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
+    row(Format::Vtu, ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu),
+    row(Format::Mfem, ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem, check_mfem_sides),
+    row(Format::Nektar, ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar, check_nektar_sides),
+    row(Format::Su2, ".su2", nullptr, nullptr, write_su2, not_in_su2),
+    row(Format::Ism, ".ism", begins_like_ism, read_ism),
+    row(Format::Hopr, ".h5", begins_like_hdf5, read_hdf5, write_hdf5, not_in_hopr, check_hopr_sides),
+    row(Format::Cgns, ".cgns", begins_like_hdf5, read_hdf5, write_hdf5, not_in_cgns),
+    row(Format::Pyfr, ".pyfrm", nullptr, nullptr, write_hdf5, not_in_pyfr, check_pyfr_sides),
 };
 
 constexpr std::array kInfos = [] {
@@ -171,16 +172,13 @@ std::span<const FormatEntry> format_table() { return kTable; }
 
 std::span<const FormatInfo> all() { return kInfos; }
 
-std::string_view format_name(Format format) {
-  const FormatEntry* entry = find(kTable, format);
-  return entry == nullptr ? "auto" : entry->name;
-}
-
 Expected<Format> from_name(std::string_view name) { return from_name(kTable, name); }
 
 Expected<Format> for_output(std::string_view path, Format requested, Format read_as) {
   return for_output(kTable, path, requested, read_as);
 }
+
+bool has_hdf5() { return !hdf5_program().empty(); }
 
 Format recognised(std::string_view bytes) {
   for (const FormatEntry& entry : kTable)

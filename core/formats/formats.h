@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -10,26 +9,10 @@
 #include "core/base/error.h"
 #include "core/base/machine_memory.h"
 #include "core/base/stop_token.h"
+#include "core/formats/common/format.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
-
-/// The file formats. Flags, the contract and the documentation use the same names.
-enum class Format : std::uint8_t {
-  Auto,         ///< Reading: by content. Writing: by the ending of the file name; .msh keeps the version that was read.
-  Msh22,        ///< Gmsh MSH 2.2, ASCII.
-  Msh22Binary,  ///< Gmsh MSH 2.2, binary.
-  Msh41,        ///< Gmsh MSH 4.1, ASCII.
-  Msh41Binary,  ///< Gmsh MSH 4.1, binary.
-  Vtu,          ///< VTK unstructured grid. Written with Lagrange cells and appended zlib data.
-  Mfem,         ///< MFEM mesh v1.0 to v1.3, with straight or curved elements.
-  Nektar,       ///< Nektar++ XML, as text or compressed.
-  Su2,          ///< SU2 mesh: the vertices only, and straight elements. Can only be written.
-  Ism,          ///< ISM mesh of HOHQMesh: quadrilaterals or hexahedra with curved sides. Can only be read.
-  Hopr,         ///< HDF5 mesh of HOPR, for FLEXI and others: 3-D, every order.
-  Cgns,         ///< CGNS in HDF5, orders 1 to 4.
-  Pyfr,         ///< PyFR's mesh in HDF5. Can only be written.
-};
 
 struct FormatInfo {
   Format format;
@@ -66,12 +49,6 @@ Format recognised(std::string_view bytes);
 /// varimesh_hdf5, which may be left out of an installation.
 bool has_hdf5();
 
-/// A mesh, and the format from which it was read.
-struct MeshFile {
-  HighOrderMesh mesh;
-  Format format = Format::Auto;
-};
-
 /// Reads a mesh from the bytes of a file. Errors: BadInput, with the byte (binary) or line (ASCII) where reading
 /// stopped; the first one in the file, for any number of threads. Takes at most most_memory_to_read().
 /// @param threads how many threads share the work; 0: as many as the machine has
@@ -100,16 +77,6 @@ Expected<void> check_memory(std::int64_t file_bytes, std::int64_t memory);
 /// @param memory the bytes that the mesh may take; 0: no limit
 /// @param threads how many threads share the work; 0: as many as the machine has
 Expected<MeshFile> read_file(const std::string& path, std::int64_t memory = machine_memory(), int threads = 1);
-
-/// Receives the bytes of a file piece by piece, in order. Returns false to stop, for example if the disk is full or a
-/// pipe is broken. The pieces may come from different threads, but one after another.
-using Sink = std::function<bool(std::string_view)>;
-
-/// One number per cell, in the mesh's order, for formats that contain fields. VTU writes them as cell arrays.
-struct CellField {
-  std::string name;
-  std::span<const double> values;
-};
 
 /// Writes the mesh. ASCII numbers have the digits, 17 at most, that are needed to read the same doubles again. Errors:
 /// BadOption if the format cannot contain the mesh, Output if the sink stopped. The bytes do not depend on the number

@@ -1,106 +1,132 @@
-// varimesh_hdf5: reads or writes an HDF5 file in a process of its own, so that a damaged file which makes HDF5 crash,
-// hang or fill the memory ends only this process. core/formats/hdf5/process.cpp starts it.
+// varimesh_hdf5: reads a mesh from an HDF5 file, or writes one, in a process of its own, so that a damaged or hostile
+// file harms only this process. core/formats/hdf5/process.cpp starts it.
 //
 //   varimesh_hdf5 read|write SECONDS BYTES
 //
-// Requests come over the socket that is descriptor 3 and are answered there, one by one (core/formats/hdf5/protocol.h).
-// Descriptor 4 is the file that is written; the bytes of a file that is read come over the socket too. SECONDS of
-// processor time and BYTES of memory are the limits; 0: none. Once the file is open, the process can open no other.
+// What it is to do comes over the socket that is descriptor 3, and the result goes there
+// (core/formats/hdf5/protocol.h). SECONDS of processor time and BYTES of memory are the limits; 0: none. Before it gets
+// the bytes of a file, the process gives up the right to open files, to reach other processes and to use networks
+// (core/process/sandbox.h).
 #include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <memory>
 #include <new>
+#include <optional>
 #include <string>
 
-#include "core/hdf/read.h"
-#include "core/hdf/remote_file.h"
-#include "core/hdf/socket.h"
-#include "core/hdf/types.h"
-#include "core/hdf/write.h"
+#include "core/base/aligned.h"
+#include "core/base/io/write_all.h"
+#include "core/formats/hdf5/mesh_bytes.h"
+#include "core/formats/hdf5/protocol.h"
+#include "core/hdf/cgns/cgns.h"
+#include "core/hdf/hopr/hopr.h"
+#include "core/hdf/library/file.h"
+#include "core/hdf/library/types.h"
+#include "core/hdf/library/writer.h"
+#include "core/hdf/pyfr/pyfr.h"
+#include "core/hdf/read_content.h"
+#include "core/process/sandbox.h"
 
 namespace {
 
 using namespace varimesh;
+using formats::Format;
 using formats::hdf5::Answer;
-using formats::hdf5::AnswerHead;
-using formats::hdf5::Kind;
-using formats::hdf5::Request;
-using formats::hdf5::RequestHead;
+using formats::hdf5::Incoming;
+using formats::hdf5::Order;
+using formats::hdf5::Outcome;
+using formats::hdf5::Outgoing;
+
+/// Whoever started the program is gone.
+struct Gone {};
 
 void limit(int what, rlim_t most) {
   const rlimit limits{most, most};
   setrlimit(static_cast<__rlimit_resource>(what), &limits);
 }
 
-bool answer(bool failed, const std::string& bytes) {
-  const AnswerHead head{failed ? Answer::Failure : Answer::Values, std::int64_t(bytes.size()), 0};
-  return hdf::send(&head, sizeof head) && hdf::send(bytes.data(), bytes.size());
-}
-
-std::string act(hid_t file, const RequestHead& head, const std::string& text, const std::string& values) {
-  switch (head.request) {
-    case Request::List:
-      return hdf::list(file, text);
-    case Request::ReadIntegers:
-      return hdf::read(file, text, Kind::Integers, head.first, head.count);
-    case Request::ReadNumbers:
-      return hdf::read(file, text, Kind::Numbers, head.first, head.count);
-    case Request::ReadTexts:
-      return hdf::read(file, text, Kind::Texts, head.first, head.count);
-    case Request::Place:
-      return hdf::place(file, text);
-    case Request::MakeGroup:
-      hdf::make_group(file, text);
-      return {};
-    case Request::MakeArray:
-    case Request::MakeAttribute:
-      return hdf::make_array(file, text, head.request == Request::MakeAttribute, values);
-    case Request::WriteRows:
-      hdf::write_rows(file, text, head.first, head.count, values);
-      return {};
-    case Request::Finish:
-      break;
+std::size_t receive(std::span<char> to) {
+  for (;;) {
+    const ssize_t n = ::read(formats::hdf5::kSocket, to.data(), to.size());
+    if (n > 0) return std::size_t(n);
+    if (n == 0 || errno != EINTR) throw Gone();
   }
-  throw hdf::Refusal("a request is unknown");
 }
 
-/// Answers requests until there are no more. Returns the status of the process.
-int serve(hid_t file) {
-  for (RequestHead head; hdf::receive(&head, sizeof head);) {
-    if (head.text > formats::hdf5::kMostText || head.bytes < 0 || head.bytes > formats::hdf5::kMostBytes) return 2;
-    std::string text(head.text, '\0'), values(std::size_t(head.bytes), '\0');
-    if (!hdf::receive(text.data(), text.size()) || !hdf::receive(values.data(), values.size())) return 2;
-    if (head.request == Request::Finish) {
-      const bool closed = H5Fclose(file) >= 0;
-      return answer(!closed, closed ? "" : "the file cannot be ended; the disk may be full") ? 0 : 2;
-    }
-    std::string result;
-    bool failed = false;
-    try {
-      result = act(file, head, text, values);
-    } catch (const std::bad_alloc&) {
-      failed = true;
-      result = "it needs more memory than is available";
-    } catch (const std::exception& refusal) {
-      failed = true;
-      result = refusal.what();
-    }
-    if (!answer(failed, result)) return 2;
+void send(std::string_view bytes) {
+  if (!write_all(formats::hdf5::kSocket, bytes)) throw Gone();
+}
+
+void refuse(Outcome outcome, std::string why, Outgoing& to) {
+  why.resize(std::min(why.size(), std::size_t(formats::hdf5::kMostSentence)));
+  to.value(Answer{outcome, Format::Auto, std::int64_t(why.size())});
+  to.put(why);
+}
+
+void read(const Order& order, Incoming& from, Outgoing& to) {
+  UntouchedVector<char> bytes(std::size_t(std::max<std::int64_t>(0, order.bytes)));
+  from.get(bytes);
+  formats::FileAllowance allowance(bytes.size());
+  formats::MeshFile file = formats::read_hdf5_content(*hdf::open_file(bytes), allowance);
+  to.value(Answer{Outcome::Done, file.format, 0});
+  formats::hdf5::send_mesh(std::move(file.mesh), to);
+}
+
+Expected<void> write(const HighOrderMesh& mesh, Format format, hdf::Writer& writer, const Team& team) {
+  switch (format) {
+    case Format::Hopr:
+      return formats::write_hopr(mesh, writer, team);
+    case Format::Cgns:
+      return formats::write_cgns(mesh, writer, team);
+    case Format::Pyfr:
+      return formats::write_pyfr(mesh, writer, team);
+    default:
+      throw hdf::Refusal("the format is no HDF5 file");
   }
-  return 0;  // whoever asked is gone
 }
 
-hid_t make_file() {
-  const std::string path = "/proc/self/fd/" + std::to_string(formats::hdf5::kFile);
-  // The driver that HDF5 uses otherwise looks for the file by its name, and this file has none.
-  const hdf::Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "HDF5 cannot be used");
-  hdf::check(H5Pset_fapl_stdio(access), "HDF5 cannot be used");
-  return hdf::make_file(path.c_str(), access);
+void write(const Order& order, hdf::Writer& writer, Incoming& from, Outgoing& to) {
+  // The mesh comes from the library, which has it already.
+  formats::FileAllowance unlimited(std::size_t(1) << 56);
+  const HighOrderMesh mesh = formats::hdf5::receive_mesh(from, unlimited);
+  const Team team(order.threads);
+  Expected<void> written;
+  team.run([&] { written = write(mesh, order.format, writer, team); });
+  if (!written) return refuse(Outcome::Refused, written.error().sentence, to);
+  const std::int64_t size = writer.finish();
+  to.value(Answer{Outcome::Done, order.format, size});
+  writer.send(size, to);
+}
+
+/// Does what is asked for. What fails becomes an answer.
+void serve(hdf::Writer* writer, Incoming& from, Outgoing& to) {
+  try {
+    const auto order = from.value<Order>();
+    if (order.version != formats::hdf5::kVersion) throw hdf::Refusal("varimesh_hdf5 has another version than VariMesh");
+    writer == nullptr ? read(order, from, to) : write(order, *writer, from, to);
+  } catch (const ReadFailure& failure) {
+    refuse(Outcome::Refused, failure.sentence, to);
+  } catch (const std::bad_alloc&) {
+    refuse(Outcome::Failed, "it needs more memory than is available", to);
+  } catch (const std::exception& failure) {
+    refuse(Outcome::Failed, failure.what(), to);
+  }
+  to.flush();
+}
+
+void give_up_rights() {
+  // The next file that is opened would get the lowest free descriptor, which must be below the limit.
+  const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+  ::close(next);
+  limit(RLIMIT_NOFILE, rlim_t(next));
+  (void)use_only_open_files();  // on a system without such filters, the limits remain
 }
 
 }  // namespace
@@ -115,18 +141,20 @@ int main(int argc, char** argv) {
   unsetenv("HDF5_PLUGIN_PATH");
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // prints nothing
   H5PLset_loading_state(0);                     // loads no code that a file asks for
+  Incoming from(receive);
+  Outgoing to(send);
   try {
-    std::int64_t size = 0;
-    if (!hdf::receive(&size, sizeof size)) return 2;
-    const hid_t file = std::strcmp(argv[1], "write") == 0 ? make_file() : hdf::open_remote(size);
-    // The next file that is opened would get the lowest free descriptor, which must be below the limit.
-    const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
-    ::close(next);
-    limit(RLIMIT_NOFILE, rlim_t(next));
-    if (!answer(file < 0, file < 0 ? "it is not a whole HDF5 file" : "")) return 2;
-    return file < 0 ? 3 : serve(file);
-  } catch (const std::exception& failure) {
-    answer(true, failure.what());
-    return 3;
+    std::optional<hdf::Writer> writer;
+    try {
+      if (std::strcmp(argv[1], "write") == 0) writer.emplace();
+    } catch (const std::exception& failure) {
+      refuse(Outcome::Failed, failure.what(), to);
+      to.flush();
+      ::_exit(3);
+    }
+    give_up_rights();
+    serve(writer ? &*writer : nullptr, from, to);
+  } catch (const Gone&) {
   }
+  ::_exit(0);  // HDF5 would still close files that may be damaged
 }

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/io/scanner.h"
 #include "core/base/shared_work.h"
 
 namespace varimesh {

@@ -18,7 +18,7 @@
 #include <sstream>
 #include <string>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "core/opencascade/confine.h"
 #include "core/opencascade/shapes.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "core/base/text_lines.h"
+#include "core/base/io/text_lines.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh {

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "server/access/tokens.h"
 
 namespace varimesh::server {

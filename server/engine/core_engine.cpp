@@ -56,7 +56,7 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
   return outputs;
 }
 
-Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const formats::Sink& sink) {
+Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const Sink& sink) {
   if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
   if (format == v1::MESH_FORMAT_CELL_QUALITY)
     return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);

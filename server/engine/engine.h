@@ -70,7 +70,7 @@ struct RunHooks {
   /// Whether a stopped run will be continued by another server, so that nobody needs its outputs.
   std::function<bool()> given_up;
   /// Returns the sink for the next output. The format is never UNSPECIFIED.
-  std::function<formats::Sink(v1::MeshFormat)> open_output;
+  std::function<Sink(v1::MeshFormat)> open_output;
 };
 
 /// Runs jobs.

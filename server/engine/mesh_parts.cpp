@@ -7,8 +7,8 @@
 #include <limits>
 #include <optional>
 
+#include "core/base/io/allowance.h"
 #include "core/base/utf8.h"
-#include "core/formats/allowance.h"
 #include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {
@@ -29,7 +29,7 @@ class Assembler {
  public:
   /// `bytes`: the size of all parts together. `stop` may be null.
   explicit Assembler(std::size_t bytes, const StopToken* stop)
-      : bytes_(bytes), allowance_(formats::most_mesh_memory(static_cast<std::int64_t>(bytes)), stop) {}
+      : bytes_(bytes), allowance_(most_mesh_memory(static_cast<std::int64_t>(bytes)), stop) {}
 
   std::string take(const v1::MeshPart& part) {
     allowance_.look();
@@ -98,7 +98,7 @@ class Assembler {
   }
 
   std::string take_group(const v1::PhysicalGroup& group) {
-    if (!allowance_.take(group.name().size() + formats::kAllocation) || !allowance_.make_room(mesh_.physical_groups, 1))
+    if (!allowance_.take(group.name().size() + kAllocation) || !allowance_.make_room(mesh_.physical_groups, 1))
       return kTooMuchMemory;
     mesh_.physical_groups.push_back({group.dimension(), group.tag(), group.name()});
     return "";
@@ -136,7 +136,7 @@ class Assembler {
         return &last;
     }
     const std::size_t groups = static_cast<std::size_t>(part.physical_size()) * sizeof(int);
-    if (!allowance_.take(groups + formats::kAllocation) || !allowance_.make_room(mesh_.blocks, 1)) return nullptr;
+    if (!allowance_.take(groups + kAllocation) || !allowance_.make_room(mesh_.blocks, 1)) return nullptr;
     ElementBlock& block = mesh_.blocks.emplace_back();
     block.shape = shape;
     block.order = reference::info(shape).dimension == 0 ? 1 : mesh_.order;
@@ -153,7 +153,7 @@ class Assembler {
   }
 
   std::size_t bytes_;
-  formats::Allowance allowance_;
+  Allowance allowance_;
   HighOrderMesh mesh_;
   std::size_t nodes_ = 0;
   std::int64_t elements_ = 0;
@@ -161,7 +161,7 @@ class Assembler {
 };
 
 /// Writes one part, preceded by its length.
-Expected<void> put(const v1::MeshPart& part, const formats::Sink& sink) {
+Expected<void> put(const v1::MeshPart& part, const Sink& sink) {
   std::string bytes(CodedOutputStream::VarintSize32(static_cast<std::uint32_t>(part.ByteSizeLong())), '\0');
   CodedOutputStream::WriteVarint32ToArray(static_cast<std::uint32_t>(part.ByteSizeLong()),
                                           reinterpret_cast<std::uint8_t*>(bytes.data()));
@@ -170,7 +170,7 @@ Expected<void> put(const v1::MeshPart& part, const formats::Sink& sink) {
   return tl::unexpected(Error{Error::Kind::Output, "The result cannot be stored: the disk is full."});
 }
 
-Expected<void> put_header(const HighOrderMesh& mesh, const formats::Sink& sink) {
+Expected<void> put_header(const HighOrderMesh& mesh, const Sink& sink) {
   v1::MeshPart part;
   v1::MeshHeader& header = *part.mutable_header();
   header.set_dimension(mesh.dimension);
@@ -180,7 +180,7 @@ Expected<void> put_header(const HighOrderMesh& mesh, const formats::Sink& sink) 
   return put(part, sink);
 }
 
-Expected<void> put_coordinates(const HighOrderMesh& mesh, const formats::Sink& sink) {
+Expected<void> put_coordinates(const HighOrderMesh& mesh, const Sink& sink) {
   constexpr std::size_t kNodes = 32768;  // 768 KiB of coordinates
   v1::MeshPart part;
   for (std::size_t first = 0; first < mesh.coordinates.size(); first += 3 * kNodes) {
@@ -192,7 +192,7 @@ Expected<void> put_coordinates(const HighOrderMesh& mesh, const formats::Sink& s
   return {};
 }
 
-Expected<void> put_elements(const ElementBlock& block, const formats::Sink& sink) {
+Expected<void> put_elements(const ElementBlock& block, const Sink& sink) {
   const std::size_t nodes = block.numbers.empty() ? 1 : block.nodes.size() / block.numbers.size();
   const std::size_t step = std::max<std::size_t>(1, 131072 / nodes) * nodes;  // at most 5 bytes per node
   v1::MeshPart part;
@@ -210,7 +210,7 @@ Expected<void> put_elements(const ElementBlock& block, const formats::Sink& sink
   return {};
 }
 
-Expected<void> put_group(const PhysicalGroup& group, const formats::Sink& sink) {
+Expected<void> put_group(const PhysicalGroup& group, const Sink& sink) {
   if (!is_utf8(group.name))
     return tl::unexpected(Error{
         Error::Kind::Output, "The name of the physical group with dimension " + std::to_string(group.dimension) +
@@ -256,7 +256,7 @@ Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes, const StopToken*
   return bad_input("Reading the parts of the mesh was stopped before their end.");
 }
 
-Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& sink) {
+Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const Sink& sink) {
   if (auto done = put_header(mesh, sink); !done) return done;
   if (auto done = put_coordinates(mesh, sink); !done) return done;
   for (const ElementBlock& block : mesh.blocks)
@@ -266,7 +266,7 @@ Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& 
   return {};
 }
 
-Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const formats::Sink& sink) {
+Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const Sink& sink) {
   constexpr std::size_t kCells = 32768;  // at most 19 bytes per cell
   std::vector<std::int64_t> numbers;
   for (const ElementBlock& block : mesh.blocks)

@@ -18,9 +18,9 @@ namespace varimesh::server {
 Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes, const StopToken* stop = nullptr);
 
 /// Writes a mesh as parts of at most 1 MiB. Errors: Output if the sink stops, or a name is not UTF-8.
-Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& sink);
+Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const Sink& sink);
 
 /// Writes the quality of each cell as parts of at most 1 MiB. Errors: Output if the sink stops.
-Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const formats::Sink& sink);
+Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const Sink& sink);
 
 }  // namespace varimesh::server

@@ -327,12 +327,10 @@ class Conversation {
   }
 
   void start_hdf5(const worker::StartHdf5& start) {
-    const int file = process_->channel().take_file();
     formats::Hdf5Program program;
     program.error = EPERM;
-    if (file >= 0 && hdf5_.size() < kMostHdf5Starts)
-      program = formats::start_hdf5({start.writes(), start.seconds(), start.memory()}, file);
-    if (file >= 0) ::close(file);
+    if (hdf5_.size() < kMostHdf5Starts)
+      program = formats::start_hdf5({start.writes(), start.seconds(), start.memory()});
     if (program.id > 0) hdf5_.push_back(program.id);
     worker::ToWorker message;
     message.mutable_answer()->set_error(program.error);
@@ -350,7 +348,7 @@ class Conversation {
   std::int64_t address_space_ = 0;  ///< Of the process before it reads the mesh, in bytes, with the mesh.
   Loan loan_;
   std::string told_;  ///< The steering that the process was told last.
-  formats::Sink output_;
+  Sink output_;
   bool full_ = false;
   int notes_ = 0;
   v1::History history_;

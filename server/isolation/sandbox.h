@@ -5,12 +5,6 @@
 
 namespace varimesh::server {
 
-/// The system calls that are left to this process and all its threads: memory, threads, time, and what is already open.
-/// It can open no files, make no sockets, start no processes, run no code that is not the program's own, and signal
-/// nobody. Other calls fail with EPERM. Call it before there is a second thread. Returns false, with errno, if the
-/// system has no such filters.
-bool filter_system_calls();
-
 /// The limits that hold without a filter too: no new rights, no core dump, few more descriptors, SIGKILL when the
 /// thread that started this process ends, and the first to go if the machine has no memory left.
 /// @param processor_seconds 0: no limit

@@ -26,6 +26,7 @@
 #include "core/base/utf8.h"
 #include "core/formats/hdf5/starter.h"
 #include "core/geometry/load.h"
+#include "core/process/sandbox.h"
 #include "server/engine/engine.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
@@ -77,12 +78,12 @@ class Conversation {
   void say(const worker::FromWorker& message) {
     if (!channel_.send(message)) ::_exit(1);  // the server is gone
   }
-  /// Asks and waits for the answer. `file` goes along; `answered` gets the descriptor that comes back, or −1.
-  worker::Answer ask(const worker::FromWorker& question, int file = -1, int* answered = nullptr) {
+  /// Asks and waits for the answer. `answered` gets the descriptor that comes back, or −1.
+  worker::Answer ask(const worker::FromWorker& question, int* answered = nullptr) {
     const std::scoped_lock one(asking_);
     std::unique_lock lock(mutex_);
     answer_.reset();
-    if (!channel_.send(question, file)) ::_exit(1);
+    if (!channel_.send(question)) ::_exit(1);
     came_.wait(lock, [this] { return answer_.has_value(); });
     if (answered != nullptr) *answered = std::exchange(file_, -1);
     return std::move(*answer_);
@@ -242,13 +243,13 @@ RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, Kerne
 
 /// Lets the server start the program for HDF5 files.
 void ask_for_hdf5(Conversation& server) {
-  formats::use_hdf5_starter([&server](const formats::Hdf5Start& start, int file) {
+  formats::use_hdf5_starter([&server](const formats::Hdf5Start& start) {
     worker::FromWorker question;
     question.mutable_hdf5()->set_writes(start.writes);
     question.mutable_hdf5()->set_seconds(start.seconds);
     question.mutable_hdf5()->set_memory(start.memory);
     formats::Hdf5Program program;
-    program.error = server.ask(question, file, &program.socket).error();
+    program.error = server.ask(question, &program.socket).error();
     return program;
   });
 }
@@ -348,7 +349,7 @@ int serve() {
   if (message.has_geometry()) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
   worker::FromWorker started;
   started.mutable_started()->set_address_space(address_space());
-  started.mutable_started()->set_is_filtered(filter_system_calls());
+  started.mutable_started()->set_is_filtered(use_only_open_files());
   server.listen();
   server.say(started);
   if (!model) {

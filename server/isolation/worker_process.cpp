@@ -13,7 +13,7 @@
 #include <system_error>
 #include <utility>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "core/process/helper_program.h"
 #include "server/isolation/socket_of_worker.h"
 

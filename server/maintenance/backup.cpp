@@ -14,7 +14,7 @@
 #include <system_error>
 #include <utility>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "server/jobs/job_rows.h"
 #include "server/jobs/sqlite.h"
 #include "server/jobs/sqlite_schema.h"

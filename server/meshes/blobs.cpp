@@ -12,8 +12,8 @@
 #include <functional>
 #include <utility>
 
+#include "core/base/io/write_all.h"
 #include "core/base/sha256.h"
-#include "core/base/write_all.h"
 #include "server/limits.h"
 #include "server/meshes/read_at.h"
 #include "server/meshes/zstd.h"

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/io/write_all.h"
 #include "core/base/sha256.h"
-#include "core/base/write_all.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/directory_upload.h"
 #include "server/refusals.h"

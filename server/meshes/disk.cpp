@@ -12,7 +12,7 @@
 #include <random>
 #include <system_error>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "core/formats/formats.h"
 #include "server/refusals.h"
 

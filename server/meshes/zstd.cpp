@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <limits>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "server/meshes/read_at.h"
 
 namespace varimesh::server {

@@ -177,7 +177,7 @@ class Outputs {
   }
 
   /// Closes the previous output and opens the next one.
-  formats::Sink open(v1::MeshFormat format) {
+  Sink open(v1::MeshFormat format) {
     close();
     auto created = meshes_.create();
     if (!created) {

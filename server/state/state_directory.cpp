@@ -10,8 +10,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "core/base/io/write_all.h"
 #include "core/base/sha256.h"
-#include "core/base/write_all.h"
 #include "server/meshes/read_at.h"
 #include "server/state/owned_path.h"
 

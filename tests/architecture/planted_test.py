@@ -47,6 +47,10 @@ class Planted(unittest.TestCase):
         plant(self.tree, "core/mesh/high_order_mesh.h", '#include "core/mesh/connectivity.h"')
         self.expect("files include each other in a circle")
 
+    def test_a_circle_of_folders_is_found(self):
+        plant(self.tree, "core/formats/common/new.h", '#include "core/formats/gmsh/types.h"')
+        self.expect("folders include each other in a circle: core/formats/common/ -> core/formats/gmsh/")
+
     def test_a_file_without_a_room_is_found(self):
         (self.tree / "core/drawer").mkdir()
         plant(self.tree, "core/drawer/things.h", "#pragma once")

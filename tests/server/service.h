@@ -74,7 +74,7 @@ inline Engine echo_engine(
     if (outputs.empty()) outputs = {v1::MESH_FORMAT_MSH22};
     for (v1::MeshFormat format : outputs) {
       if (format == v1::MESH_FORMAT_UNSPECIFIED) format = v1::MESH_FORMAT_MSH22;
-      const formats::Sink sink = hooks.open_output(format);
+      const Sink sink = hooks.open_output(format);
       if (!sink(bytes)) return tl::unexpected(Error{Error::Kind::Output, "The sink is full."});
     }
     return outcome;

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/formats/scanner.h"
+#include "core/base/io/scanner.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {

@@ -6,9 +6,9 @@
 #include <unordered_set>
 #include <utility>
 
+#include "core/formats/common/pieces.h"
 #include "core/formats/gmsh/blocks.h"
 #include "core/formats/gmsh/read.h"
-#include "core/formats/pieces.h"
 
 namespace varimesh::formats {
 

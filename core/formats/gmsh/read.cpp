@@ -8,7 +8,7 @@
 #include <cmath>
 #include <map>
 
-#include "core/formats/format_table.h"
+#include "core/formats/common/format.h"
 
 namespace varimesh::formats {
 

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/io/scanner.h"
 #include "core/base/team.h"
-#include "core/formats/formats.h"
+#include "core/formats/common/format.h"
 #include "core/formats/gmsh/types.h"
-#include "core/formats/scanner.h"
 
 namespace varimesh::formats {
 

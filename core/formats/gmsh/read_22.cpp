@@ -1,6 +1,6 @@
 // Reads the sections of MSH 2.2, ASCII and binary.
+#include "core/formats/common/pieces.h"
 #include "core/formats/gmsh/read.h"
-#include "core/formats/pieces.h"
 
 namespace varimesh::formats {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/formats/format_table.h"
+#include "core/formats/common/format.h"
 #include "core/formats/gmsh/types.h"
 
 namespace varimesh::formats {

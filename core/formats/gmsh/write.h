@@ -1,9 +1,9 @@
 // Writes Gmsh's MSH files, and what the writers of versions 2.2 and 4.1 share. Internal to core/formats.
 #pragma once
 
+#include "core/base/io/buffered_output.h"
 #include "core/base/team.h"
-#include "core/formats/buffered_output.h"
-#include "core/formats/formats.h"
+#include "core/formats/common/format.h"
 
 namespace varimesh::formats {
 

@@ -8,7 +8,7 @@
 
 namespace varimesh::formats {
 
-/// How the program is to run: protocol.h says what its descriptors are.
+/// How the program is to run.
 struct Hdf5Start {
   bool writes = false;
   std::int64_t seconds = 0;  ///< Of processor time.
@@ -23,11 +23,11 @@ struct Hdf5Program {
   int error = 0;    ///< Why it was not started: errno.
 };
 
-/// Starts the program on the open file `file`. ENOENT if it is not installed.
-Hdf5Program start_hdf5(const Hdf5Start& start, int file);
+/// Starts the program. ENOENT if it is not installed.
+Hdf5Program start_hdf5(const Hdf5Start& start);
 
 /// From now on `starter` starts the program, as if it were installed. Call it before anything reads or writes a file.
 /// `starter` is called from any thread.
-void use_hdf5_starter(std::function<Hdf5Program(const Hdf5Start& start, int file)> starter);
+void use_hdf5_starter(std::function<Hdf5Program(const Hdf5Start& start)> starter);
 
 }  // namespace varimesh::formats

@@ -7,13 +7,13 @@
 #include <map>
 #include <numbers>
 
-#include "core/formats/file_allowance.h"
-#include "core/formats/format_table.h"
+#include "core/base/io/scanner.h"
+#include "core/formats/common/file_allowance.h"
+#include "core/formats/common/format.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/mfem/topology.h"
 #include "core/formats/nektar/blending.h"
-#include "core/formats/node_order.h"
-#include "core/formats/scanner.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::formats {
@@ -45,22 +45,6 @@ bool is_number(std::string_view word) {
   if (word.starts_with('+')) word.remove_prefix(1);
   const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   return error == std::errc() && stop == word.data() + word.size();
-}
-
-/// Sides of elements in the file's order. The points of a side go from its first vertex to its second; those of a face
-/// also from the first to the fourth.
-std::span<const reference::Facet> sides_of(Shape shape) {
-  constexpr auto kL = Shape::Line, kQ = Shape::Quadrilateral;
-  static constexpr std::array<reference::Facet, 4> kPlane = {
-      {{kL, {0, 1, -1, -1}}, {kL, {1, 2, -1, -1}}, {kL, {3, 2, -1, -1}}, {kL, {0, 3, -1, -1}}}};
-  static constexpr std::array<reference::Facet, 6> kSolid = {{{kQ, {0, 1, 5, 4}},
-                                                              {kQ, {3, 2, 6, 7}},
-                                                              {kQ, {0, 1, 2, 3}},
-                                                              {kQ, {1, 2, 6, 5}},
-                                                              {kQ, {4, 5, 6, 7}},
-                                                              {kQ, {0, 3, 7, 4}}}};
-  if (shape == Shape::Quadrilateral) return kPlane;
-  return kSolid;
 }
 
 /// Values at equispaced nodes of a line from those at Chebyshev–Lobatto points: row and column 0 and `order` are the
@@ -168,7 +152,7 @@ class Reading {
       made.vertices[v] = std::int32_t(number - 1);
     }
     if (words.size() > corners) made.material = tag(mesh_.dimension, words[corners]);
-    const std::size_t sides = sides_of(shape).size();
+    const std::size_t sides = faces_of(Sides::Ism, shape).size();
     std::array<bool, 6> curved{};
     for (std::size_t s = 0; s < sides; ++s) {
       const std::int64_t flag = scan_.text_integer("whether a side is curved");
@@ -252,9 +236,9 @@ class Reading {
         matrix(order[std::size_t(i)], j) = mesh_.dimension == 2 ? line(i, j) : line(i % n, j % n) * line(i / n, j / n);
     std::vector<std::int32_t> nodes(order.size());
     for (std::size_t e = 0; e < elements_.size(); ++e)
-      for (std::size_t s = 0; s < sides_of(shape()).size(); ++s) {
+      for (std::size_t s = 0; s < faces_of(Sides::Ism, shape()).size(); ++s) {
         if (elements_[e].curve[s] < 0) continue;
-        const auto own = vertices_of(elements_[e], sides_of(shape())[s]);
+        const auto own = vertices_of(elements_[e], faces_of(Sides::Ism, shape())[s]);
         (void)topology.find_nodes(side_shape, {own.data(), std::size_t(reference::info(side_shape).vertices)}, 0,
                                   nodes);
         place_side(matrix, nodes, elements_[e].curve[s], e, s);
@@ -298,7 +282,7 @@ class Reading {
         }
       }
       if (mesh_.dimension == 3)
-        for (const reference::Facet& side : sides_of(shape())) {
+        for (const reference::Facet& side : faces_of(Sides::Ism, shape())) {
           part.resize(std::size_t(reference::node_count(side.shape, order)));
           (void)topology.find_nodes(side.shape, vertices_of(element, side), 0, part);
           if (order > 1 && !placed_[std::size_t(part.back())]) blend(Shape::Quadrilateral, part);
@@ -332,12 +316,12 @@ class Reading {
     // Sides group by group, so that each group is one block. An inner side that has a name twice is one element.
     std::map<int, std::vector<std::pair<std::size_t, std::size_t>>> named;
     for (std::size_t e = 0; e < elements_.size(); ++e)
-      for (std::size_t s = 0; s < sides_of(shape()).size(); ++s)
+      for (std::size_t s = 0; s < faces_of(Sides::Ism, shape()).size(); ++s)
         if (elements_[e].name[s] != 0) named[elements_[e].name[s]].emplace_back(e, s);
     std::map<std::array<std::int32_t, 4>, int> seen;
     for (const auto& [tag, list] : named)
       for (const auto& [e, s] : list) {
-        const reference::Facet& side = sides_of(shape())[s];
+        const reference::Facet& side = faces_of(Sides::Ism, shape())[s];
         const auto own = vertices_of(elements_[e], side);
         auto sorted = own;
         std::sort(sorted.begin(), sorted.end());

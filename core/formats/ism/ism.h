@@ -6,7 +6,7 @@
 #pragma once
 
 #include "core/base/team.h"
-#include "core/formats/formats.h"
+#include "core/formats/common/format.h"
 
 namespace varimesh::formats {
 

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/formats/buffered_output.h"
+#include "core/base/io/buffered_output.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "core/base/team.h"
-#include "core/formats/formats.h"
+#include "core/formats/common/format.h"
 #include "core/formats/mfem/space.h"
 
 namespace varimesh::formats {

@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "core/formats/format_table.h"
+#include "core/formats/common/format.h"
 #include "core/formats/mfem/attributes.h"
 #include "core/formats/mfem/mfem.h"
 

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
+#include "core/base/io/scanner.h"
 #include "core/formats/mfem/mfem.h"
-#include "core/formats/scanner.h"
 
 namespace varimesh::formats {
 

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/formats/common/pieces.h"
 #include "core/formats/mfem/read.h"
 #include "core/formats/mfem/topology.h"
-#include "core/formats/node_order.h"
-#include "core/formats/pieces.h"
+#include "core/formats/numbering/node_order.h"
 
 namespace varimesh::formats {
 
@@ -118,7 +118,7 @@ class InPlace {
     for (const ElementBlock& block : reading.mesh.blocks) {
       if (!has_cells(reading.mesh, block)) continue;
       know(block.shape);
-      for (const reference::Facet& face : mfem_faces(block.shape)) know(face.shape);
+      for (const reference::Facet& face : faces_of(Sides::Mfem, block.shape)) know(face.shape);
     }
     know(Shape::Line);
   }
@@ -144,7 +144,7 @@ class InPlace {
     if (copies(Shape::Triangle) && copies(Shape::Quadrilateral)) return;
     std::vector<bool> done(x_.size() / 3, false);
     for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t> nodes) {
-      const auto faces = mfem_faces(block.shape);
+      const auto faces = faces_of(Sides::Mfem, block.shape);
       const MfemLocalNodes& local = *local_[std::size_t(block.shape)];
       for (std::size_t f = 0; f < faces.size(); ++f) convert_part(faces[f].shape, local.whole_faces[f], nodes, done);
     });
@@ -154,7 +154,7 @@ class InPlace {
     if (copies(Shape::Line)) return;
     std::vector<bool> done(x_.size() / 3, false);
     for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t> nodes) {
-      const auto edges = mfem_edges(block.shape);
+      const auto edges = edges_of(Sides::Mfem, block.shape);
       const MfemLocalNodes& local = *local_[std::size_t(block.shape)];
       std::vector<int> whole;
       for (std::size_t e = 0; e < edges.size(); ++e) {

@@ -12,7 +12,7 @@
 #include <optional>
 
 #include "core/formats/mfem/topology.h"
-#include "core/formats/node_order.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 #include "core/reference/quadrature.h"

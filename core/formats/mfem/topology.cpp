@@ -3,89 +3,13 @@
 #include <algorithm>
 #include <string>
 
-#include "core/formats/node_order.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/reference/cache.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::formats {
 
-// === The edges and faces of a cell: Geometry::Constants in MFEM's documentation ==========================
-
-namespace {
-
-using Edge = std::array<std::int8_t, 2>;
 using reference::Facet;
-
-constexpr Facet triangle(std::int8_t a, std::int8_t b, std::int8_t c) { return {Shape::Triangle, {a, b, c, -1}}; }
-constexpr Facet quadrilateral(std::int8_t a, std::int8_t b, std::int8_t c, std::int8_t d) {
-  return {Shape::Quadrilateral, {a, b, c, d}};
-}
-
-constexpr std::array<Edge, 1> kLineEdges{{{0, 1}}};
-constexpr std::array<Edge, 3> kTriangleEdges{{{0, 1}, {1, 2}, {2, 0}}};
-constexpr std::array<Edge, 4> kQuadrilateralEdges{{{0, 1}, {1, 2}, {2, 3}, {3, 0}}};
-constexpr std::array<Edge, 6> kTetrahedronEdges{{{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
-constexpr std::array<Edge, 8> kPyramidEdges{{{0, 1}, {1, 2}, {3, 2}, {0, 3}, {0, 4}, {1, 4}, {2, 4}, {3, 4}}};
-constexpr std::array<Edge, 9> kPrismEdges{{{0, 1}, {1, 2}, {2, 0}, {3, 4}, {4, 5}, {5, 3}, {0, 3}, {1, 4}, {2, 5}}};
-constexpr std::array<Edge, 12> kHexahedronEdges{
-    {{0, 1}, {1, 2}, {3, 2}, {0, 3}, {4, 5}, {5, 6}, {7, 6}, {4, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7}}};
-
-constexpr std::array<Facet, 1> kTriangleFaces{triangle(0, 1, 2)};
-constexpr std::array<Facet, 1> kQuadrilateralFaces{quadrilateral(0, 1, 2, 3)};
-constexpr std::array<Facet, 4> kTetrahedronFaces{triangle(1, 2, 3), triangle(0, 3, 2), triangle(0, 1, 3),
-                                                 triangle(0, 2, 1)};
-constexpr std::array<Facet, 5> kPyramidFaces{quadrilateral(3, 2, 1, 0), triangle(0, 1, 4), triangle(1, 2, 4),
-                                             triangle(2, 3, 4), triangle(3, 0, 4)};
-constexpr std::array<Facet, 5> kPrismFaces{triangle(0, 2, 1), triangle(3, 4, 5), quadrilateral(0, 1, 4, 3),
-                                           quadrilateral(1, 2, 5, 4), quadrilateral(2, 0, 3, 5)};
-constexpr std::array<Facet, 6> kHexahedronFaces{quadrilateral(3, 2, 1, 0), quadrilateral(0, 1, 5, 4),
-                                                quadrilateral(1, 2, 6, 5), quadrilateral(2, 3, 7, 6),
-                                                quadrilateral(3, 0, 4, 7), quadrilateral(4, 5, 6, 7)};
-
-}  // namespace
-
-std::span<const Edge> mfem_edges(Shape shape) {
-  switch (shape) {
-    case Shape::Point:
-      return {};
-    case Shape::Line:
-      return kLineEdges;
-    case Shape::Triangle:
-      return kTriangleEdges;
-    case Shape::Quadrilateral:
-      return kQuadrilateralEdges;
-    case Shape::Tetrahedron:
-      return kTetrahedronEdges;
-    case Shape::Pyramid:
-      return kPyramidEdges;
-    case Shape::Prism:
-      return kPrismEdges;
-    case Shape::Hexahedron:
-      return kHexahedronEdges;
-  }
-  return {};
-}
-
-std::span<const Facet> mfem_faces(Shape shape) {
-  switch (shape) {
-    case Shape::Point:
-    case Shape::Line:
-      return {};
-    case Shape::Triangle:
-      return kTriangleFaces;
-    case Shape::Quadrilateral:
-      return kQuadrilateralFaces;
-    case Shape::Tetrahedron:
-      return kTetrahedronFaces;
-    case Shape::Pyramid:
-      return kPyramidFaces;
-    case Shape::Prism:
-      return kPrismFaces;
-    case Shape::Hexahedron:
-      return kHexahedronFaces;
-  }
-  return {};
-}
 
 // === Local nodes =========================================================================================
 
@@ -106,12 +30,12 @@ MfemLocalNodes make_local_nodes(Shape shape, int order) {
     return nodes;
   };
   MfemLocalNodes local;
-  for (const auto& [a, b] : mfem_edges(shape)) {
+  for (const auto& [a, b] : edges_of(Sides::Mfem, shape)) {
     Positions list;
     add_edge(list, vertex(a), vertex(b), order);
     local.edges.push_back(numbers(list));
   }
-  for (const Facet& face : mfem_faces(shape)) {
+  for (const Facet& face : faces_of(Sides::Mfem, shape)) {
     const int n = reference::info(face.shape).vertices;
     const auto corner = [&](int c) { return vertex(face.vertices[std::size_t((c + n) % n)]); };
     std::vector<std::vector<int>> variants;
@@ -195,7 +119,7 @@ bool MfemTopology::find_nodes(Shape shape, std::span<const std::int32_t> vertice
   const MfemLocalNodes& local = *local_[std::size_t(shape)];
   std::copy(vertices.begin(), vertices.end(), nodes.begin());
   std::size_t filled = vertices.size();
-  const auto edges = mfem_edges(shape);
+  const auto edges = edges_of(Sides::Mfem, shape);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const std::int32_t a = vertices[std::size_t(edges[e][0])], b = vertices[std::size_t(edges[e][1])];
     const std::int32_t number = edge(a, b);
@@ -210,7 +134,7 @@ bool MfemTopology::find_nodes(Shape shape, std::span<const std::int32_t> vertice
   const int dimension = reference::info(shape).dimension;
   const bool searched = dimension < 3 || filled < nodes.size();
   if (has_faces() && searched) {
-    const auto faces = mfem_faces(shape);
+    const auto faces = faces_of(Sides::Mfem, shape);
     for (std::size_t f = 0; f < faces.size(); ++f) {
       std::array<std::int32_t, 4> own{};
       const auto corners = std::size_t(reference::info(faces[f].shape).vertices);

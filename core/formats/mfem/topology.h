@@ -11,22 +11,18 @@
 #include <span>
 #include <vector>
 
-#include "core/formats/scanner.h"
+#include "core/base/io/scanner.h"
+#include "core/formats/numbering/sides.h"
 #include "core/mesh/topology.h"
 #include "core/reference/shape.h"
 
 namespace varimesh::formats {
 
-/// MFEM's edges of a cell, as pairs of its vertices. A line has itself.
-std::span<const std::array<std::int8_t, 2>> mfem_edges(Shape shape);
-
-/// MFEM's faces of a cell, each with its vertices in MFEM's order. A triangle or quadrilateral has itself.
-std::span<const reference::Facet> mfem_faces(Shape shape);
-
 struct MfemLocalNodes;
 
 /// MFEM's edges and faces, for a Topology.
-inline constexpr CellParts kMfemParts{mfem_edges, mfem_faces};
+inline constexpr CellParts kMfemParts{[](Shape shape) { return edges_of(Sides::Mfem, shape); },
+                                      [](Shape shape) { return faces_of(Sides::Mfem, shape); }};
 
 /// The edges and faces of a mesh, and its degrees of freedom.
 class MfemTopology : public Topology {
@@ -58,12 +54,12 @@ class MfemTopology : public Topology {
 
 /// The nodes of a cell's edges and faces, as Gmsh's local numbers.
 struct MfemLocalNodes {
-  /// For each edge of mfem_edges(), its inner nodes from its first to its second vertex.
+  /// For each edge of edges_of(), its inner nodes from its first to its second vertex.
   std::vector<std::vector<int>> edges;
-  /// For each face of mfem_faces(), its inner nodes row by row. Entry 2 c begins at vertex c of the face and takes the
+  /// For each face of faces_of(), its inner nodes row by row. Entry 2 c begins at vertex c of the face and takes the
   /// next vertex as the first direction; entry 2 c + 1 takes the vertex before.
   std::vector<std::vector<std::vector<int>>> faces;
-  /// For each face of mfem_faces(), all its nodes in Gmsh's order of the face's shape.
+  /// For each face of faces_of(), all its nodes in Gmsh's order of the face's shape.
   std::vector<std::vector<int>> whole_faces;
 };
 const MfemLocalNodes& mfem_local_nodes(Shape shape, int order);

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <optional>
 
-#include "core/formats/buffered_output.h"
+#include "core/base/io/buffered_output.h"
 #include "core/formats/mfem/attributes.h"
 #include "core/formats/mfem/mfem.h"
 #include "core/formats/mfem/shared_sides.h"
@@ -184,7 +184,7 @@ class DofWriter {
       know(space, shape);
       if (!space.continuous) continue;
       know(space, Shape::Line);
-      for (const reference::Facet& face : mfem_faces(shape)) know(space, face.shape);
+      for (const reference::Facet& face : faces_of(Sides::Mfem, shape)) know(space, face.shape);
     }
   }
 
@@ -200,7 +200,7 @@ class DofWriter {
 
   void edges(BufferedOutput& out) const {
     for_each(out, [&](BufferedOutput& piece, std::size_t cell, Shape shape, std::span<const std::int32_t> nodes) {
-      const auto edges = mfem_edges(shape);
+      const auto edges = edges_of(Sides::Mfem, shape);
       std::array<std::int32_t, kMaxOrder + 1> whole{};
       for (std::size_t e = 0; e < edges.size(); ++e) {
         if (!grid_.topology.is_first_edge(cell, e)) continue;
@@ -218,7 +218,7 @@ class DofWriter {
 
   void faces(BufferedOutput& out) const {
     for_each(out, [&](BufferedOutput& piece, std::size_t cell, Shape shape, std::span<const std::int32_t> nodes) {
-      const auto faces = mfem_faces(shape);
+      const auto faces = faces_of(Sides::Mfem, shape);
       std::array<std::int32_t, (kMaxOrder + 1) * (kMaxOrder + 1)> whole{};
       for (std::size_t f = 0; f < faces.size(); ++f) {
         if (!grid_.topology.is_first_face(cell, f)) continue;

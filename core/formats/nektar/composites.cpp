@@ -8,7 +8,7 @@
 #include <set>
 #include <unordered_map>
 
-#include "core/formats/scanner.h"
+#include "core/base/io/scanner.h"
 
 namespace varimesh::formats {
 

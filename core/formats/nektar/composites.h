@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/formats/buffered_output.h"
+#include "core/base/io/buffered_output.h"
 #include "core/formats/nektar/file.h"
 
 namespace varimesh::formats {

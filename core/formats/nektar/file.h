@@ -14,9 +14,9 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/io/scanner.h"
 #include "core/base/team.h"
-#include "core/formats/file_allowance.h"
-#include "core/formats/scanner.h"
+#include "core/formats/common/file_allowance.h"
 #include "core/formats/xml/xml.h"
 #include "core/mesh/high_order_mesh.h"
 

@@ -8,7 +8,7 @@
 #include "core/formats/mfem/shared_sides.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/nektar/nektar.h"
-#include "core/formats/node_order.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/reference/cache.h"
 #include "core/reference/nodes.h"
 
@@ -167,33 +167,15 @@ const std::vector<int>& nektar_turned_nodes(Shape shape, int order, const std::a
   });
 }
 
-namespace {
-
-/// For each of MFEM's faces of a shape, the same face among Nektar++'s.
-std::array<std::uint8_t, 6> faces_of_nektar(Shape shape) {
-  std::array<std::uint8_t, 6> same{};
-  const auto theirs = mfem_faces(shape);
-  const auto own = nektar_faces(shape);
-  const auto sorted = [](std::array<std::int8_t, 4> vertices) {
-    std::sort(vertices.begin(), vertices.end());
-    return vertices;
-  };
-  for (std::size_t f = 0; f < theirs.size(); ++f)
-    for (std::size_t n = 0; n < own.size(); ++n)
-      if (sorted(theirs[f].vertices) == sorted(own[n].vertices)) same[f] = std::uint8_t(n);
-  return same;
-}
-
-}  // namespace
-
 NektarFaceCorners::NektarFaceCorners(Shape shape, std::size_t f, std::span<const std::int32_t> cell) {
   static const auto same = [] {
-    std::array<std::array<std::uint8_t, 6>, kShapes> all{};
-    for (int s = int(Shape::Tetrahedron); s < kShapes; ++s) all[std::size_t(s)] = faces_of_nektar(Shape(s));
+    std::array<std::array<std::int8_t, 6>, kShapes> all{};
+    for (int s = int(Shape::Tetrahedron); s < kShapes; ++s)
+      all[std::size_t(s)] = same_sides(faces_of(Sides::Mfem, Shape(s)), faces_of(Sides::Nektar, Shape(s)));
     return all;
   }();
-  const reference::Facet& face = nektar_faces(shape)[same[std::size_t(shape)][f]];
-  count = face.shape == Shape::Triangle ? 3 : 4;
+  const reference::Facet& face = faces_of(Sides::Nektar, shape)[std::size_t(same[std::size_t(shape)][f])];
+  count = std::size_t(corners_of(face));
   for (std::size_t v = 0; v < count; ++v) vertices[v] = cell[std::size_t(face.vertices[v])];
   if (count == 3) std::sort(vertices.begin(), vertices.begin() + 3);
 }
@@ -259,7 +241,7 @@ void NektarGrid::place_points(std::size_t cell, Shape shape, std::span<const std
   const std::vector<int>& place = *cell_turned.place;
   const MfemLocalNodes& local = mfem_local_nodes(shape, mesh.order);
   const auto put = [&](std::size_t point, int at) { point_[point] = nodes[std::size_t(place[std::size_t(at)])]; };
-  const auto edges = mfem_edges(shape);
+  const auto edges = edges_of(Sides::Mfem, shape);
   std::size_t next = vertex_count() + std::size_t(topology_.edges_before(cell)) * std::size_t(mesh.order - 1);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     if (!topology_.is_first_edge(cell, e)) continue;
@@ -297,9 +279,9 @@ NektarSides NektarGrid::edges_around(std::span<const std::int32_t> vertices) con
 NektarSides NektarGrid::sides(Shape shape, std::span<const std::int32_t> vertices) const {
   if (mesh.dimension == 2) return edges_around(vertices);
   NektarSides found;
-  for (const reference::Facet& face : nektar_faces(shape)) {
+  for (const reference::Facet& face : faces_of(Sides::Nektar, shape)) {
     std::array<std::int32_t, 4> corners{};
-    const std::size_t count = face.shape == Shape::Triangle ? 3 : 4;
+    const auto count = std::size_t(corners_of(face));
     for (std::size_t v = 0; v < count; ++v) corners[v] = vertices[std::size_t(face.vertices[v])];
     found.numbers[found.count++] = topology_.face({corners.data(), count});
   }

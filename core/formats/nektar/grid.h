@@ -173,7 +173,7 @@ void NektarGrid::for_edges(std::size_t begin, std::size_t end, const Body& body)
   auto edge = std::size_t(topology_.edges_before(first));
   for (std::size_t cell = first; edge < end; ++cell)
     for_cells(cell, cell + 1, [&](std::size_t, Shape shape, std::span<const std::int32_t> vertices) {
-      const auto edges = mfem_edges(shape);
+      const auto edges = edges_of(Sides::Mfem, shape);
       for (std::size_t e = 0; e < edges.size() && edge < end; ++e) {
         if (!topology_.is_first_edge(cell, e)) continue;
         const std::int32_t a = vertices[std::size_t(edges[e][0])], b = vertices[std::size_t(edges[e][1])];
@@ -190,7 +190,7 @@ void NektarGrid::for_faces(std::size_t begin, std::size_t end, const Body& body)
   auto face = std::size_t(topology_.faces_before(first));
   for (std::size_t cell = first; face < end; ++cell)
     for_cells(cell, cell + 1, [&](std::size_t, Shape shape, std::span<const std::int32_t> vertices) {
-      const auto faces = mfem_faces(shape);
+      const auto faces = faces_of(Sides::Mfem, shape);
       for (std::size_t f = 0; f < faces.size() && face < end; ++f) {
         if (!topology_.is_first_face(cell, f)) continue;
         const NektarFaceCorners corners(shape, f, vertices);

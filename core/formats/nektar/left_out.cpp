@@ -1,5 +1,5 @@
 // What a file of Nektar++ does not have of a mesh.
-#include "core/formats/left_out.h"
+#include "core/formats/common/left_out.h"
 
 #include <algorithm>
 

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/base/io/scanner.h"
 #include "core/formats/nektar/file.h"
 #include "core/formats/nektar/nektar.h"
-#include "core/formats/scanner.h"
+#include "core/formats/numbering/sides.h"
 
 namespace varimesh::formats {
 
@@ -141,7 +142,7 @@ class Finder {
 
   /// The vertices of a cell from its faces: each vertex is the one that lies on the faces on which it should lie.
   Vertices of_cell(const Name& name, Shape shape, std::span<const std::int32_t> sides) const {
-    const std::span<const reference::Facet> faces = nektar_faces(shape);
+    const std::span<const reference::Facet> faces = faces_of(Sides::Nektar, shape);
     std::array<unsigned, 8> wanted{};
     std::array<std::pair<std::int32_t, unsigned>, 24> found;  // a vertex, and the faces on which it lies
     std::size_t known_count = 0;
@@ -208,35 +209,6 @@ class Finder {
 };
 
 }  // namespace
-
-std::span<const reference::Facet> nektar_faces(Shape shape) {
-  constexpr auto kT = Shape::Triangle, kQ = Shape::Quadrilateral;
-  static constexpr std::array<reference::Facet, 4> kTetrahedron = {
-      {{kT, {0, 1, 2, -1}}, {kT, {0, 1, 3, -1}}, {kT, {1, 2, 3, -1}}, {kT, {0, 2, 3, -1}}}};
-  static constexpr std::array<reference::Facet, 5> kPyramid = {
-      {{kQ, {0, 1, 2, 3}}, {kT, {0, 1, 4, -1}}, {kT, {1, 2, 4, -1}}, {kT, {3, 2, 4, -1}}, {kT, {0, 3, 4, -1}}}};
-  // Faces 0 1 2 3, 0 1 4, 1 2 5 4, 3 2 5 and 0 3 5 4 of Nektar++.
-  static constexpr std::array<reference::Facet, 5> kPrism = {
-      {{kQ, {0, 2, 5, 3}}, {kT, {0, 2, 1, -1}}, {kQ, {2, 5, 4, 1}}, {kT, {3, 5, 4, -1}}, {kQ, {0, 3, 4, 1}}}};
-  static constexpr std::array<reference::Facet, 6> kHexahedron = {{{kQ, {0, 1, 2, 3}},
-                                                                   {kQ, {0, 1, 5, 4}},
-                                                                   {kQ, {1, 2, 6, 5}},
-                                                                   {kQ, {3, 2, 6, 7}},
-                                                                   {kQ, {0, 3, 7, 4}},
-                                                                   {kQ, {4, 5, 6, 7}}}};
-  switch (shape) {
-    case Shape::Tetrahedron:
-      return kTetrahedron;
-    case Shape::Pyramid:
-      return kPyramid;
-    case Shape::Prism:
-      return kPrism;
-    case Shape::Hexahedron:
-      return kHexahedron;
-    default:
-      return {};
-  }
-}
 
 NektarCorners nektar_corners(NektarFile& file, FileAllowance& allowance) { return Finder(file, allowance).take(); }
 

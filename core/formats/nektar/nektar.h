@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "core/base/team.h"
-#include "core/formats/formats.h"
+#include "core/formats/common/format.h"
 
 namespace varimesh::formats {
 
@@ -36,9 +36,5 @@ std::string not_in_nektar(const HighOrderMesh& mesh);
 /// Nektar++'s order of a prism's vertices, as Gmsh's local numbers: its triangles 0, 1, 4 and 3, 2, 5 collapse towards
 /// its edge from 4 to 5, which is Gmsh's from 1 to 4.
 inline constexpr std::array<std::int8_t, 6> kNektarPrism = {0, 2, 5, 3, 1, 4};
-
-/// Faces of Nektar++'s cells, as Gmsh's local vertices of the cell, in Nektar++'s order. A triangle or quadrilateral
-/// has its edges.
-std::span<const reference::Facet> nektar_faces(Shape shape);
 
 }  // namespace varimesh::formats

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "core/formats/buffered_output.h"
+#include "core/base/io/buffered_output.h"
 
 namespace varimesh::formats {
 

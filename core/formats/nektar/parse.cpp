@@ -5,8 +5,8 @@
 #include <limits>
 #include <optional>
 
+#include "core/base/io/scanner.h"
 #include "core/formats/nektar/file.h"
-#include "core/formats/scanner.h"
 
 namespace varimesh::formats {
 

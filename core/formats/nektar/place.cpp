@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "core/base/io/scanner.h"
 #include "core/formats/mfem/space.h"
-#include "core/formats/node_order.h"
-#include "core/formats/scanner.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
 
@@ -29,7 +29,7 @@ int nektar_degree(Shape shape, std::int64_t points) {
 void place_straight_edges(Shape shape, std::span<const std::int32_t> nodes, const std::vector<bool>& placed,
                           HighOrderMesh& mesh) {
   const MfemLocalNodes& local = mfem_local_nodes(shape, mesh.order);
-  const auto edges = mfem_edges(shape);
+  const auto edges = edges_of(Sides::Mfem, shape);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const std::vector<int>& inner = local.edges[e];
     if (inner.empty() || placed[std::size_t(nodes[std::size_t(inner.front())])]) continue;

@@ -4,14 +4,14 @@
 #include <memory>
 #include <optional>
 
-#include "core/formats/format_table.h"
+#include "core/base/io/scanner.h"
+#include "core/formats/common/format.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/mfem/topology.h"
 #include "core/formats/nektar/composites.h"
 #include "core/formats/nektar/file.h"
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/nektar/place.h"
-#include "core/formats/scanner.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::formats {

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/base/io/scanner.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/nektar/place.h"
-#include "core/formats/node_order.h"
-#include "core/formats/scanner.h"
+#include "core/formats/numbering/node_order.h"
 
 namespace varimesh::formats {
 

@@ -3,14 +3,14 @@
 #include <memory>
 #include <utility>
 
-#include "core/formats/buffered_output.h"
+#include "core/base/io/buffered_output.h"
 #include "core/formats/mfem/shared_sides.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/nektar/composites.h"
 #include "core/formats/nektar/grid.h"
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/nektar/packed.h"
-#include "core/formats/node_order.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh::formats {

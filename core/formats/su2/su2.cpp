@@ -6,9 +6,10 @@
 #include <set>
 #include <span>
 
-#include "core/formats/buffered_output.h"
-#include "core/formats/left_out.h"
-#include "core/formats/vtu.h"
+#include "core/base/io/buffered_output.h"
+#include "core/formats/common/left_out.h"
+#include "core/formats/vtu/cells.h"
+#include "core/formats/vtu/write.h"
 
 namespace varimesh::formats {
 

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "core/base/aligned.h"
+#include "core/base/io/scanner.h"
 #include "core/base/shared_work.h"
-#include "core/formats/scanner.h"
 #include "core/formats/vtu/stored_stream.h"
 #include "core/formats/xml/encoding.h"
 

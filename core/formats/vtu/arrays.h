@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/formats/file_allowance.h"
+#include "core/formats/common/file_allowance.h"
 #include "core/formats/xml/xml.h"
 
 namespace varimesh::formats {

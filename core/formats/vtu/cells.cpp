@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 
-#include "core/formats/node_order.h"
-#include "core/formats/vtu.h"
+#include "core/formats/numbering/node_order.h"
 #include "core/reference/cache.h"
 
 namespace varimesh::formats {
@@ -61,6 +61,17 @@ constexpr std::array<std::pair<int, Shape>, 6> kLagrange = {{{68, Shape::Line},
                                                              {72, Shape::Hexahedron},
                                                              {73, Shape::Prism}}};
 
+/// The type of the cells that are written.
+std::uint8_t type_of(Shape shape, int order) {
+  if (order == 1 || shape == Shape::Point)
+    return std::uint8_t(
+        std::find_if(kFixed.begin(), kFixed.end(), [&](const Fixed& fixed) { return fixed.shape == shape; })->type);
+  const Shape written = shape == Shape::Pyramid ? Shape::Hexahedron : shape;
+  return std::uint8_t(std::find_if(kLagrange.begin(), kLagrange.end(), [&](const auto& each) {
+                        return each.second == written;
+                      })->first);
+}
+
 std::string why_not(std::int64_t type) {
   switch (type) {
     case 23:
@@ -86,6 +97,31 @@ std::string why_not(std::int64_t type) {
 }
 
 }  // namespace
+
+VtkCell vtk_cell(Shape shape, int order) {
+  VtkCell cell;
+  cell.type = type_of(shape, order);
+  const std::vector<int>& node_at = nodes_by_position(shape, order);
+  const auto side = std::size_t(order) + 1;
+  for (const Position& position : node_positions(NodeOrder::Vtk, shape, order)) {
+    Position at = position;
+    if (shape == Shape::Pyramid && order > 1) {
+      // The pyramid has nodes for the hexahedron's corners, upright edges, base and top; other points are additional.
+      const bool corner = (at[0] == 0 || at[0] == order) && (at[1] == 0 || at[1] == order);
+      if (at[2] == order) {
+        at = {0, 0, order};
+      } else if (at[2] != 0 && !corner) {
+        cell.nodes.push_back(-1);
+        continue;
+      } else if (at[2] != 0) {
+        for (std::size_t k = 0; k < 2; ++k) at[k] = at[k] == 0 ? 0 : order - at[2];
+      }
+    }
+    cell.nodes.push_back(node_at[std::size_t(at[0]) + side * (std::size_t(at[1]) + side * std::size_t(at[2]))]);
+    assert(cell.nodes.back() >= 0);
+  }
+  return cell;
+}
 
 Expected<VtkKind> vtk_kind(std::int64_t type, std::size_t nodes, bool new_order) {
   static const std::vector<int> kPixel = {0, 1, 3, 2}, kVoxel = {0, 1, 3, 2, 4, 5, 7, 6};

@@ -1,4 +1,4 @@
-// The types of VTK's cells that VariMesh reads. Internal to core/formats.
+// VTK's cells: their types, and the nodes that they list. Internal to core/formats.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,18 @@
 #include "core/reference/shape.h"
 
 namespace varimesh::formats {
+
+/// How VTK stores the cells of one shape and order.
+struct VtkCell {
+  std::uint8_t type = 0;   ///< VTK's cell type.
+  std::vector<int> nodes;  ///< For each VTK node, the node in Gmsh's order; −1 for additional points of pyramids.
+};
+
+/// The VTK cell for a shape and order: VTK's linear cells for order 1, Lagrange cells for higher orders. Pyramids of
+/// order 2 and above become Lagrange hexahedra whose top face is the apex. VTK 9.1 has no Lagrange pyramid, and its
+/// quadratic pyramid lacks the node in the middle of the base. The functions of the pyramid are polynomials of the same
+/// order on the hexahedron, so the geometry stays exact.
+VtkCell vtk_cell(Shape shape, int order);
 
 /// A cell of a VTK file.
 struct VtkKind {

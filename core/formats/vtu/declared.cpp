@@ -5,7 +5,7 @@
 #include <charconv>
 #include <string>
 
-#include "core/formats/scanner.h"
+#include "core/base/io/scanner.h"
 #include "core/formats/xml/xml.h"
 #include "core/mesh/high_order_mesh.h"
 

@@ -7,12 +7,12 @@
 #include <limits>
 #include <optional>
 
-#include "core/formats/format_table.h"
-#include "core/formats/scanner.h"
-#include "core/formats/vtu.h"
+#include "core/base/io/scanner.h"
+#include "core/formats/common/format.h"
 #include "core/formats/vtu/arrays.h"
 #include "core/formats/vtu/cells.h"
 #include "core/formats/vtu/declared.h"
+#include "core/formats/vtu/write.h"
 #include "core/formats/xml/xml.h"
 
 namespace varimesh::formats {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/base/team.h"
-#include "core/formats/formats.h"
+#include "core/formats/common/format.h"
 
 namespace varimesh::formats {
 

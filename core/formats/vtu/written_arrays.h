@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "core/base/aligned.h"
+#include "core/base/io/buffered_output.h"
 #include "core/base/team.h"
-#include "core/formats/buffered_output.h"
 #include "core/formats/vtu/stored_stream.h"
 
 namespace varimesh::formats {

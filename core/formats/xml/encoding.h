@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/formats/file_allowance.h"
+#include "core/formats/common/file_allowance.h"
 
 namespace varimesh::formats {
 

@@ -9,8 +9,8 @@
 #include <optional>
 #include <string>
 
+#include "core/base/io/scanner.h"
 #include "core/base/utf8.h"
-#include "core/formats/scanner.h"
 
 namespace varimesh::formats {
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "server/meshes/disk.h"
 #include "server/meshes/read_at.h"
 #include "server/meshes/s3/client.h"

@@ -11,7 +11,7 @@
 #include <random>
 #include <system_error>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "server/meshes/read_at.h"
 #include "server/refusals.h"
 

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <sstream>
 
+#include "core/base/io/write_all.h"
 #include "core/base/sha256.h"
-#include "core/base/write_all.h"
 #include "server/meshes/read_at.h"
 #include "server/meshes/shared/shared_mesh_store.h"
 #include "server/refusals.h"

@@ -43,7 +43,7 @@ TEST(LocalMeshes, TheEngineReadsWhatTheCommandKeepsAndTheCommandWhatTheEngineWri
   server::Engine inner;
   inner.run = [&](const server::RunRequest& request, const server::RunHooks& hooks) {
     read = request.input->bytes();
-    const formats::Sink sink = hooks.open_output(v1::MESH_FORMAT_MSH41);
+    const Sink sink = hooks.open_output(v1::MESH_FORMAT_MSH41);
     EXPECT_TRUE(sink(result.substr(0, 5)) && sink(result.substr(5)));
     return Expected<server::RunOutcome>(server::RunOutcome());
   };

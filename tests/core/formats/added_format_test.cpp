@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/formats/format_table.h"
-#include "core/formats/node_order.h"
+#include "core/formats/numbering/node_order.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh::formats {

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "tests/core/formats/hdf5/program.h"
+#include "tests/core/hdf/program.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
 

@@ -105,7 +105,7 @@ TEST_P(SplitTetrahedra, SurvivesEveryFormat) {
   // MSH 2.2 repeats elements that are in two groups. A mesh read from it has numbers for the repeats.
   for (const formats::Format format : {formats::Format::Msh22, formats::Format::Msh41Binary}) {
     std::string bytes;
-    const formats::Sink sink = [&](std::string_view part) {
+    const Sink sink = [&](std::string_view part) {
       bytes += part;
       return true;
     };

@@ -20,7 +20,7 @@ bool are_numbers(const std::vector<double>& coordinates) {
 void write_and_read(const HighOrderMesh& mesh, formats::Format format) {
   if (format == formats::Format::Nektar && !are_numbers(mesh.coordinates)) return;
   const auto write = [&](const HighOrderMesh& each) {
-    return fuzz::written([&](const formats::Sink& sink) { return formats::write(each, format, sink); });
+    return fuzz::written([&](const Sink& sink) { return formats::write(each, format, sink); });
   };
   const std::string first = write(mesh);
   if (first.empty()) return;

@@ -1,10 +1,15 @@
-// The content of HDF5 files, as the library gets it from varimesh_hdf5: reading it takes bounded memory and gives a
-// whole mesh or a sentence. An input is a list of groups and arrays (pack_hdf5.py makes one from a file), so that the
-// fuzzer changes what the readers see and not the bytes of HDF5.
+// The content of HDF5 files, as HDF5 gives it to the readers: reading it takes bounded memory and gives a whole mesh or
+// a sentence. An input is a list of groups and arrays (pack_hdf5.py makes one from a file), so that the fuzzer changes
+// what the readers see and not the bytes of HDF5. An input that begins with "mesh" is instead what a captured
+// varimesh_hdf5 answers: receiving it takes bounded memory too, and gives a whole mesh, which is sent again alike, or a
+// sentence.
+#include <algorithm>
 #include <cstring>
 #include <map>
+#include <string>
 
-#include "core/formats/hdf5/read.h"
+#include "core/formats/hdf5/mesh_bytes.h"
+#include "core/hdf/read_content.h"
 #include "tests/fuzz/program/meshes.h"
 
 namespace {
@@ -31,7 +36,7 @@ class Content : public formats::Hdf5Source {
 
   void read(const std::string& path, Kind kind, std::int64_t first, std::span<char> out, std::int64_t count) override {
     const auto found = arrays_.find(path);
-    if (found == arrays_.end()) throw formats::ReadFailure{"The mesh file cannot be read: an array is missing."};
+    if (found == arrays_.end()) throw ReadFailure{"The mesh file cannot be read: an array is missing."};
     const Array& array = found->second;
     fuzz::expect(first >= 0 && count >= 0 && first + count <= array.item.rows(), "rows are read that are not there");
     const std::size_t bytes_each = kind == Kind::Texts ? array.item.width : 8;
@@ -105,6 +110,30 @@ class Content : public formats::Hdf5Source {
   std::map<std::string, Array> arrays_;
 };
 
+constexpr std::size_t kFileBytes = 1 << 20;
+constexpr std::string_view kAnswer = "mesh";
+
+std::string sent(const HighOrderMesh& mesh) {
+  std::string bytes;
+  formats::hdf5::Outgoing to([&](std::string_view part) { bytes += part; });
+  formats::hdf5::send_mesh(mesh, to);
+  to.flush();
+  return bytes;
+}
+
+/// The mesh that these bytes are. Behind their end the program is gone.
+HighOrderMesh received(std::string_view bytes) {
+  formats::FileAllowance allowance(kFileBytes);
+  formats::hdf5::Incoming from([&](std::span<char> to) {
+    const std::size_t count = std::min(to.size(), bytes.size());
+    if (count == 0) throw ReadFailure{"The program is gone."};
+    std::copy_n(bytes.begin(), count, to.begin());
+    bytes.remove_prefix(count);
+    return count;
+  });
+  return formats::hdf5::receive_mesh(from, allowance);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
@@ -113,13 +142,19 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
 }
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  Content content({reinterpret_cast<const char*>(data), size});
-  constexpr std::size_t kFileBytes = 1 << 20;
-  formats::FileAllowance allowance(kFileBytes);
+  const std::string_view input(reinterpret_cast<const char*>(data), size);
   fuzz::within_memory(formats::most_memory_to_read(kFileBytes), [&] {
     try {
-      fuzz::expect_whole(formats::read_hdf5_content(content, allowance).mesh);
-    } catch (const formats::ReadFailure& failure) {
+      if (input.starts_with(kAnswer)) {
+        const HighOrderMesh mesh = received(input.substr(kAnswer.size()));
+        fuzz::expect_whole(mesh);
+        fuzz::expect(input.substr(kAnswer.size()).starts_with(sent(mesh)), "a mesh is sent otherwise than it came");
+      } else {
+        Content content(input);
+        formats::FileAllowance allowance(kFileBytes);
+        fuzz::expect_whole(formats::read_hdf5_content(content, allowance).mesh);
+      }
+    } catch (const ReadFailure& failure) {
       fuzz::expect(!failure.sentence.empty(), "a refusal has no sentence");
     }
     return 0;

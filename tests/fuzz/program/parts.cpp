@@ -20,7 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   fuzz::expect_whole(*mesh);
   const auto write = [](const HighOrderMesh& each) {
-    return fuzz::written([&](const formats::Sink& sink) { return server::write_mesh_parts(each, sink); });
+    return fuzz::written([&](const Sink& sink) { return server::write_mesh_parts(each, sink); });
   };
   const std::string first = write(*mesh);
   fuzz::expect(!first.empty(), "the mesh cannot be written");

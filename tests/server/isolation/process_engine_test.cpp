@@ -78,7 +78,7 @@ struct Trial {
       told.admitted = bytes;
       return true;
     };
-    hooks.open_output = [this](v1::MeshFormat format) -> formats::Sink {
+    hooks.open_output = [this](v1::MeshFormat format) -> Sink {
       told.formats.push_back(format);
       told.outputs.emplace_back();
       return [this](std::string_view bytes) {

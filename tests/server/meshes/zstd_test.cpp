@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "core/base/write_all.h"
+#include "core/base/io/write_all.h"
 #include "tests/server/meshes/stores.h"
 
 namespace varimesh::server::testing {

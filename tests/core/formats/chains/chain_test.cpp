@@ -7,7 +7,7 @@
 
 #include "core/mesh/connectivity.h"
 #include "core/reference/nodes.h"
-#include "tests/core/formats/hdf5/program.h"
+#include "tests/core/hdf/program.h"
 #include "tests/core/support/formats.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"

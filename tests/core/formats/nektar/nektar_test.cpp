@@ -134,7 +134,7 @@ TEST_P(NektarShapes, TrianglesCollapseTowardsOneVertexInBothCells) {
   ASSERT_TRUE(vertices) << vertices.error().sentence;
   const formats::NektarGrid grid(mesh, *vertices);
   grid.for_cells(0, grid.cells.count(), [&](std::size_t, Shape shape, std::span<const std::int32_t> own) {
-    for (const reference::Facet& face : formats::nektar_faces(shape)) {
+    for (const reference::Facet& face : formats::faces_of(formats::Sides::Nektar, shape)) {
       if (face.shape != Shape::Triangle) continue;
       // Nektar++ takes the last vertex of each of its faces for the one to collapse to.
       const auto at = [&](std::size_t v) { return own[std::size_t(face.vertices[v])]; };

@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "core/formats/vtu.h"
+#include "core/formats/vtu/cells.h"
+#include "core/formats/vtu/write.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "tests/core/support/formats.h"
