@@ -6,6 +6,7 @@
 #include "core/mesh/check.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/memory.h"
+#include "core/optimise/on_geometry/optimise_on_geometry.h"
 #include "core/optimise/optimiser.h"
 #include "core/options/options.h"
 #include "core/quality/quality.h"

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "client/cli/names.h"
+#include "client/cli/option_flags.h"
 #include "core/options/nearest_word.h"
 #include "core/options/option_table.h"
 
@@ -36,10 +37,15 @@ std::string placeholder(const CLI::Option& option) { return split(option.get_typ
 
 /// What an option of the optimisation may be, such as "a whole number: 1 to 10".
 std::string number_wanted(const std::string& flag) {
-  for (const OptionInfo& option : option_table())
-    if (is_number(option) && "--" + dashed(std::string(option.name)) == flag)
-      return (std::holds_alternative<int Options::*>(option.member) ? "a whole number: " : "a number: ") +
-             std::string(option.values);
+  const auto wanted = [&]<class Of>(std::span<const OptionOf<Of>> table) -> std::string {
+    for (const OptionOf<Of>& option : table)
+      if (is_number(option) && flag_of(option) == flag)
+        return (std::holds_alternative<int Of::*>(option.member) ? "a whole number: " : "a number: ") +
+               std::string(option.values);
+    return {};
+  };
+  for (const std::string& text : {wanted(option_table()), wanted(geometry_option_table())})
+    if (!text.empty()) return text;
   return "a number";
 }
 

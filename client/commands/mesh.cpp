@@ -31,7 +31,7 @@ bool is_a_mesh(const std::string& path) {
 
 int mesh(Arguments arguments) {
   Input& input = arguments.run.input;
-  input.geometry.file = arguments.gmsh.model;
+  input.model = arguments.gmsh.model;
   input.mesh = std::filesystem::path(arguments.gmsh.model).stem().string() + ".msh";
   arguments.run.name = arguments.gmsh.model;
   std::error_code failed;
@@ -75,7 +75,7 @@ Action add_mesh(Command program) {
            "At least this many elements around a full turn of a curved surface; 0: no limit")
       .from(0, 1000)
       .value("N");
-  add_slide_flags(command, &arguments->run.input.geometry);
+  add_geometry_options(command, &arguments->run.input.geometry, false);
   add_run_flags(command, &arguments->run);
   require_curved_order(command);
   return [arguments] { return mesh(*arguments); };

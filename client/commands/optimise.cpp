@@ -10,8 +10,7 @@ Action add_optimise(Command program) {
   command.alias("optimize");
   add_input(command, &arguments->input);
   command["input"].not_a_dash();
-  add_geometry_flags(command, &arguments->input.geometry);
-  add_slide_on_flag(command, &arguments->input.geometry);
+  add_geometry_flags(command, &arguments->input, true);
   add_run_flags(command, arguments.get());
   return [arguments] { return optimise(*arguments); };
 }

@@ -57,13 +57,23 @@ Expected<void> check_meshes(const Arguments& arguments) {
 
 void print_sentence(const std::string& sentence) { std::cerr << sentence << std::endl; }
 
+/// Uploads a mesh, after its nodes have slid in this process if the server cannot do that.
+Outcome<v1::StoredMesh> upload_slid(Client& client, const Arguments& arguments, const Input& input) {
+  if (!input.slides()) return upload(client, input);
+  auto mesh = read_moved(input);
+  if (!mesh) return tl::unexpected(mesh.error());
+  if (const auto slid = slide_here(input, arguments.options, mesh->mesh, print_sentence); !slid)
+    return tl::unexpected(slid.error());
+  return upload(client, input, std::optional(std::move(*mesh)), {});
+}
+
 /// Uploads a mesh and submits its job. `input`: what all meshes have in common. The error is the exit status; its
 /// message has been printed.
 tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, Input input, const std::string& path,
                                   v1::JobSpec spec) {
   input.mesh = path;
   add_file_label(path, spec.mutable_labels());
-  const auto mesh = upload(*client, input, {}, print_sentence);
+  const auto mesh = upload_slid(*client, arguments, input);
   if (!mesh) return tl::unexpected(print_error(mesh.error()));
   spec.mutable_mesh()->set_digest(mesh->digest());
   std::string request_id = arguments.request_id;
@@ -78,17 +88,18 @@ int submit(const Arguments& arguments) {
   if (const auto fine = check_meshes(arguments); !fine) return print_error(fine.error());
   auto spec = job_spec(arguments);
   if (!spec) return print_error(spec.error());
-  auto input = with_options(arguments.input, arguments.options);
-  if (!input) return print_error(input.error());
+  if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
+  Input input = arguments.input;  // without what the jobs do
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
-  auto geometry = hand_over_geometry(*connection->client, &*input, print_sentence);
+  auto geometry = hand_over_geometry(*connection->client, &input);
   if (!geometry) return print_error(geometry.error());
+  if (input.slides()) print_sentence("The server takes no geometries, so the boundary nodes slide in this process.");
   if (*geometry) *spec->mutable_geometry() = std::move(**geometry);
   Json documents = Json::array();
   int status = kDone;
   for (const std::string& path : arguments.meshes) {
-    const auto job = submit(connection->client.get(), arguments, *input, path, *spec);
+    const auto job = submit(connection->client.get(), arguments, input, path, *spec);
     if (!job) {
       if (status == kDone) status = job.error();
       // A mesh that is refused is no reason to leave the others out; a server that is lost is.
@@ -114,8 +125,7 @@ Action add_submit(Command program) {
   Command command = add_remote_command(program, "submit", "Send meshes to a server and print the names of the jobs",
                                        &arguments->common);
   add_inputs(command, &arguments->meshes, &arguments->input);
-  add_geometry_flags(command, &arguments->input.geometry);
-  command["--slide"].needs("--geometry");
+  add_geometry_flags(command, &arguments->input, true);
   command
       .add("--output-format", &arguments->formats, "Format of the result; default: that of the input; may be repeated")
       .value("NAME")

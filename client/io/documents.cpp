@@ -138,6 +138,19 @@ Json geometry_document(const v1::GeometryReport& geometry) {
           {"sentences", std::vector<std::string>(geometry.sentences().begin(), geometry.sentences().end())}};
 }
 
+Json trials_document(const v1::Metrics& metrics) {
+  Json trials = Json::array();
+  for (const v1::SlideTrial& trial : metrics.slide_trials()) {
+    Json one = {{"slide", spelled(trial.slide())}, {"outcome", spelled(trial.outcome())}};
+    if (!trial.error().empty())
+      one["error"] = trial.error();
+    else
+      one.update({{"uncertified", trial.left()}, {"min_scaled_jacobian", trial.min_scaled_jacobian()}});
+    trials.push_back(std::move(one));
+  }
+  return trials;
+}
+
 const char* spelled(Certificate::Answer answer) {
   return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
@@ -162,6 +175,7 @@ Json document(const v1::Metrics& metrics) {
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
   for (const std::string& note : metrics.notes()) result["notes"].push_back(note);
   if (metrics.has_geometry()) result["geometry"] = geometry_document(metrics.geometry());
+  if (metrics.slide_trials_size() > 0) result["slide_trials"] = trials_document(metrics);
   if (metrics.has_left()) result["left"] = left_document(metrics.left());
   if (!metrics.kept_as_it_came().empty()) result["kept_as_it_came"] = metrics.kept_as_it_came();
   return result;

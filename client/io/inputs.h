@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,18 +10,20 @@
 #include "client/client.h"
 #include "core/base/error.h"
 #include "core/formats/formats.h"
-#include "core/slide/slide_on_file.h"
+#include "varimesh/v1/job.pb.h"
 
 namespace varimesh::client {
 
 /// Paths of the files that make up an input.
 struct Input {
   std::string mesh;
-  std::string displacements;      ///< A file of displacements of boundary nodes; empty: none.
-  std::string boundary;           ///< A mesh file with only the curved boundary; empty: none.
-  GeometryOptions geometry;       ///< What the boundary nodes slide on; no file: nothing.
-  double time_limit = 0;          ///< Of the job and the sliding in this process, in seconds; 0: none.
-  bool keeps_as_it_came = false;  ///< Whether moved_mesh() keeps the mesh before nodes slid, for the report.
+  std::string displacements;  ///< A file of displacements of boundary nodes; empty: none.
+  std::string boundary;       ///< A mesh file with only the curved boundary; empty: none.
+  std::string model;          ///< A CAD file on which boundary nodes slide; empty: none.
+  v1::Geometry geometry;      ///< How boundary nodes slide, without the digest of the CAD file.
+
+  /// Whether boundary nodes are to slide, or the mesh is to be curved.
+  bool slides() const { return !model.empty() || geometry.slide_on() == v1::Geometry::SLIDE_ON_BOUNDARY; }
 };
 
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
@@ -30,48 +31,35 @@ void add_input(Command command, Input* input);
 /// The same for several meshes, whose paths go to `meshes`; `input` gets the rest.
 void add_inputs(Command command, std::vector<std::string>* meshes, Input* input);
 
-/// Adds the flags --geometry, --slide and --snap.
-void add_geometry_flags(Command command, GeometryOptions* geometry);
-/// Adds the flag --slide-on, which does without a geometry.
-void add_slide_on_flag(Command command, GeometryOptions* geometry);
-/// Adds --slide and --snap, for commands that always have a geometry.
-void add_slide_flags(Command command, GeometryOptions* geometry);
+/// Adds --geometry and the flags of the table of geometry options.
+/// @param has_slide_on  whether --slide-on is one of them, which does without a model
+void add_geometry_flags(Command command, Input* input, bool has_slide_on);
 
 /// Adds the label "file" with the name of the mesh file, unless the user has given one. Lists of jobs show it. A name
 /// that is too long for a label loses its beginning.
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels);
 
-/// The input with the options of the job that concern its geometry too. Errors: BadOption if an option does not go with
-/// a geometry, or if only a geometry gives a flag a meaning.
-Expected<Input> with_options(Input input, const v1::Options& options);
+/// Checks that the options of the job go with the geometry. Errors: BadOption if one does not, or if only a geometry
+/// gives a flag a meaning.
+Expected<void> check_geometry(const Input& input, const v1::Options& options);
 
-/// Leaves the sliding on the model in the input's CAD file to the server, if it does that: uploads the file, takes the
-/// geometry out of the input, and returns what goes into JobSpec.geometry. Nothing if there is no such file, if the
-/// mesh is to be curved, or, after a sentence, if the server takes no geometries; then the nodes slide in this process.
-Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input,
-                                                        const std::function<void(const std::string&)>& on_sentence);
+/// Leaves the sliding to the job, if its server does that: uploads the CAD file, takes the geometry out of the input,
+/// and returns what goes into JobSpec.geometry. Nothing if no nodes are to slide, or if the server takes no CAD models.
+Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input);
 
-/// A mesh whose boundary nodes were moved in this process.
-struct MovedMesh {
-  formats::MeshFile file;
-  /// Before nodes slid on a CAD model, if Input::keeps_as_it_came. Null if there was no model, or if the mesh was
-  /// curved.
-  std::shared_ptr<const HighOrderMesh> as_it_came;
-  std::optional<v1::GeometryReport> geometry;  ///< If there was a CAD model: what came of it.
-  double seconds = 0;                          ///< How long sliding took, with the reading of the model.
-};
+/// Reads the mesh of the input, and moves its boundary as the other files say.
+Outcome<formats::MeshFile> read_moved(const Input& input);
 
-/// The input's mesh after its boundary nodes have been moved as the other files say; nothing if there are none. If
-/// nodes slide, they do so in this process; `on_sentence` gets what this came to.
-Outcome<std::optional<MovedMesh>> moved_mesh(const Input& input,
-                                             const std::function<void(const std::string&)>& on_sentence = {});
+/// Slides the nodes of the mesh in this process; `on_sentence` gets what this came to. For what has no job: surfaces in
+/// space, and jobs of servers that take no CAD models.
+Outcome<void> slide_here(const Input& input, const v1::Options& options, HighOrderMesh& mesh,
+                         const std::function<void(const std::string&)>& on_sentence);
 
-/// Uploads the mesh of the input as it is, or as moved_mesh() made it. `on_read` is called when the input has been
-/// found and pipes have been read to their end, so that from then on nothing but the upload is waited for.
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<MovedMesh>& moved,
-                               const std::function<void()>& on_read = {});
-/// Both of them.
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {},
-                               const std::function<void(const std::string&)>& on_sentence = {});
+/// Uploads the mesh of the input: `moved`, or the file as it is. `on_read` is called when the input has been found and
+/// pipes have been read to their end, so that from then on nothing but the upload is waited for.
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<formats::MeshFile>& moved,
+                               const std::function<void()>& on_read);
+/// The same for the mesh with its boundary where the other files of the input say.
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {});
 
 }  // namespace varimesh::client

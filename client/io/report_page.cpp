@@ -48,19 +48,18 @@ Outcome<std::shared_ptr<const HighOrderMesh>> fetch_before(Client* client, const
   v1::StoredMesh stored;
   stored.set_digest(job.spec().mesh().digest());
   auto before = fetch_mesh(client, stored, file);
-  const int order = job.spec().options().order();
+  const int order = std::max(job.spec().options().order(), job.spec().geometry().order());
   if (!before || order == 0) return before;
   auto changed = change_order(**before, order);
   if (!changed) return file_failure(changed.error().sentence, "BAD_INPUT");
   return std::make_shared<const HighOrderMesh>(std::move(*changed));
 }
 
-/// Sets the report's meshes, or the sentence that says why there are none. A mesh before that is there already stays.
+/// Sets the report's meshes, or the sentence that says why there are none.
 Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
   const auto result = std::find_if(job.results().begin(), job.results().end(),
                                    [](const v1::StoredMesh& one) { return readable(one.format()); });
   if (!readable(job.spec().mesh().format()) || result == job.results().end()) {
-    report->before = nullptr;
     report->picture_note =
         "There is no picture, because the input or every result of this job has a format that cannot be read here. "
         "Submit an MSH file, and request one among the outputs.";
@@ -71,11 +70,9 @@ Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
     return file_failure(
         "No temporary folder can be made for the report's meshes; set TMPDIR to a folder where files can be made.",
         "OUTPUT");
-  if (report->before == nullptr) {
-    auto before = fetch_before(client, job, folder.path() / "before");
-    if (!before) return tl::unexpected(before.error());
-    report->before = *before;
-  }
+  auto before = fetch_before(client, job, folder.path() / "before");
+  if (!before) return tl::unexpected(before.error());
+  report->before = *before;
   auto after = fetch_mesh(client, *result, folder.path() / "after");
   if (!after) return tl::unexpected(after.error());
   report->after = *after;
@@ -166,7 +163,7 @@ BoundaryDistanceArrays distances_of(const v1::GeometryReport& geometry) {
   arrays.surfaces.assign(elements.surfaces().begin(), elements.surfaces().end());
   for (std::int32_t& surface : arrays.surfaces)
     if (surface >= geometry.surfaces_size()) surface = -1;
-  // Without distances before, the boundary of both pictures is the same.
+  // Without distances before, the mesh was curved, and both pictures have the colours of the result.
   const auto& before = elements.before_size() > 0 ? elements.before() : elements.after();
   arrays.distances[0].assign(before.begin(), before.end());
   arrays.distances[1].assign(elements.after().begin(), elements.after().end());
@@ -199,8 +196,7 @@ std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> form
   return formats;
 }
 
-Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input,
-                               std::shared_ptr<const HighOrderMesh> as_it_came, const std::string& path) {
+Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path) {
   Report report;
   report.title = input.empty() ? job.name() : title_of(input);
   report.document = document(job.metrics());
@@ -216,7 +212,6 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   report.origin = origin_document(job, input, server->version());
   report.marks = marks_of(job.metrics());
   report.distances = distances_of(job.metrics().geometry());
-  report.before = std::move(as_it_came);
   if (job.metrics().geometry().nodes() > 0)
     report.picture_note =
         "The pictures before show the mesh as it came. All numbers before, besides the distances, are those of the "

@@ -1,7 +1,6 @@
 // The content of a report page, from a job or from a mesh whose quality was computed in this process.
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -19,11 +18,9 @@ std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> form
 
 /// Fetches the meshes before and after, the history and the server's version, and writes the page to `path`. If the
 /// meshes are in formats that cannot be read, the page says so and has no picture.
-/// @param input       the name of the mesh; empty: not known
-/// @param as_it_came  the mesh before; null: it is that of the job
+/// @param input  the name of the mesh; empty: not known
 /// Failures: those of the client; File if the page cannot be written.
-Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input,
-                               std::shared_ptr<const HighOrderMesh> as_it_came, const std::string& path);
+Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path);
 
 /// Writes the page about the quality of `mesh` to `path`. `input` is the name of the mesh. Errors: Output, BadInput.
 Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,

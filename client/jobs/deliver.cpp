@@ -68,8 +68,7 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
       return print_error(written.error());
   }
   if (!delivery.report.empty())
-    if (const auto written = write_job_report(client, job, delivery.input, delivery.as_it_came, delivery.report);
-        !written)
+    if (const auto written = write_job_report(client, job, delivery.input, delivery.report); !written)
       return print_error(written.error());
   if (flags.json)
     print(document(job.metrics()));

@@ -1,14 +1,12 @@
 // What a command does with a job that has ended: it fetches the outputs, prints the result and chooses the exit status.
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "client/cli/common_flags.h"
 #include "client/client.h"
 #include "client/io/outputs.h"
-#include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::client {
 
@@ -16,8 +14,6 @@ namespace varimesh::client {
 struct Delivery {
   std::string input;     ///< The path of the input, for messages and the report; empty: not known.
   std::string geometry;  ///< The path of the job's CAD file, for messages; empty: not known.
-  /// The mesh before its nodes slid in this process, for the report; null: the job's mesh is the input as it came.
-  std::shared_ptr<const HighOrderMesh> as_it_came;
   std::vector<Output> outputs;
   std::string history;             ///< The path of the history; empty: do not write one.
   std::string report;              ///< The path of the report page; empty: do not write one.

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "client/io/progress.h"
+#include "client/jobs/slide_trials.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 
@@ -33,10 +34,19 @@ bool is_to_be_cancelled(const std::string& name, const CommonFlags& flags) {
 class Follower {
  public:
   Follower(Client* client, const std::string& name, const CommonFlags& flags, OnInterrupt on_interrupt,
-           const v1::Options& options)
-      : client_(client), name_(name), flags_(flags), on_interrupt_(on_interrupt), progress_(flags.quiet, options) {}
+           const v1::JobSpec& spec)
+      : client_(client),
+        name_(name),
+        flags_(flags),
+        on_interrupt_(on_interrupt),
+        geometry_(spec.geometry()),
+        progress_(flags.quiet, spec.options()) {}
 
-  void show(const v1::JobEvent& event) { progress_.show(event); }
+  void show(const v1::JobEvent& event) {
+    progress_.show(event);
+    if (!event.has_slide_trial()) return;
+    if (const std::string text = trial_text(event.slide_trial(), geometry_); !text.empty()) progress_.print(text);
+  }
 
   /// Called several times per second: whether to go on following.
   bool goes_on() {
@@ -88,6 +98,7 @@ class Follower {
   const std::string& name_;
   const CommonFlags& flags_;
   const OnInterrupt on_interrupt_;
+  const v1::Geometry geometry_;
   Progress progress_;
   std::optional<std::chrono::steady_clock::time_point> cancelled_;
 };
@@ -95,16 +106,16 @@ class Follower {
 }  // namespace
 
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
-                                  OnInterrupt on_interrupt, Notes notes) {
-  v1::Options options;
+                                  OnInterrupt on_interrupt) {
+  v1::JobSpec spec;
   // An interrupt before this call succeeds must still do what it is to do.
   if (const auto job = client->get(name))
-    options = job->spec().options();
+    spec = job->spec();
   else if (on_interrupt == OnInterrupt::LeaveJob || !interrupted())
     return tl::unexpected(print_error(job.error()));
-  Follower follower(client, name, flags, on_interrupt, options);
+  Follower follower(client, name, flags, on_interrupt, spec);
   const auto on_event = [&](const v1::JobEvent& event) {
-    if (notes == Notes::Show || !event.has_log()) follower.show(event);
+    follower.show(event);
     return true;
   };
   auto ended = client->watch(name, after, on_event, [&] { return follower.goes_on(); });

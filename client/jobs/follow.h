@@ -17,13 +17,10 @@ enum class OnInterrupt {
   LeaveJob,  ///< It goes on running.
 };
 
-/// Whether what the job says in words is shown: what matched a geometry, for example.
-enum class Notes { Show, LeaveOut };
-
 /// Shows the progress of a job after event number `after` until the job ends, and returns the job as it ended. A job
 /// that an interrupt cancelled may have a result. The error is the exit status; its message has been printed. If an
 /// interrupt leaves the job running, the message names the commands that come back to it.
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
-                                  OnInterrupt on_interrupt, Notes notes = Notes::Show);
+                                  OnInterrupt on_interrupt);
 
 }  // namespace varimesh::client

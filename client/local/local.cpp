@@ -2,7 +2,10 @@
 
 #include "client/local/local_meshes.h"
 #include "core/base/machine_memory.h"
+#include "core/geometry/load.h"
 #include "server/engine/geometry_messages.h"
+#include "server/engine/option_messages.h"
+#include "server/isolation/worker_process.h"
 #include "server/log/log.h"
 #include "server/server.h"
 
@@ -21,6 +24,32 @@ class InProcess : public LocalService {
   std::unique_ptr<server::Server> server_;
 };
 
+/// core_engine() for jobs on CAD models too.
+server::Engine engine_with_models() {
+  server::Engine engine = server::core_engine();
+  engine.check_geometry = [](const v1::Geometry& geometry, const Options& options) {
+    return server::check(geometry, options);
+  };
+  engine.run = [run = std::move(engine.run)](server::RunRequest request,
+                                             const server::RunHooks& hooks) -> Expected<server::RunOutcome> {
+    if (request.cad_file != nullptr) {
+      const server::Descriptor file(server::open_read_only(*request.cad_file));
+      const StopToken stop(hooks.control.stop_asked);
+      try {
+        auto model = geometry::read_model(file.number, "The geometry", &stop);
+        if (!model) return tl::unexpected(model.error());
+        request.model = std::make_shared<const geometry::CadModel>(std::move(*model));
+      } catch (const Interrupted&) {
+        server::RunOutcome outcome;
+        outcome.stopped = true;
+        return outcome;
+      }
+    }
+    return run(std::move(request), hooks);
+  };
+  return engine;
+}
+
 }  // namespace
 
 Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& folder) {
@@ -28,7 +57,7 @@ Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& f
   if (const auto log = server::start_log("error"); !log) return tl::unexpected(log.error());
   server::ServerOptions options;
   auto meshes = std::make_shared<LocalMeshes>();
-  options.engine = meshes->engine(server::core_engine());
+  options.engine = meshes->engine(engine_with_models());
   options.data = folder;
   options.limits.max_memory_bytes = machine_memory();
   auto started = server::Server::start(std::move(options));
@@ -36,6 +65,10 @@ Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& f
   return std::make_unique<InProcess>(std::move(meshes), std::move(*started));
 }
 
-v1::GeometryReport geometry_report(const SlidAndMeasured& done) { return server::to_proto(done); }
+Expected<GeometryOptions> geometry_options(const v1::Geometry& geometry) {
+  auto options = server::options_from(geometry);
+  if (!options) return bad_option(options.error().sentence);
+  return std::move(*options);
+}
 
 }  // namespace varimesh::client

@@ -9,12 +9,13 @@
 
 #include "client/library/input_file.h"
 #include "core/base/error.h"
-#include "core/slide/distance/slide_and_measure.h"
-#include "varimesh/v1/optimise.pb.h"
+#include "core/options/geometry_options.h"
+#include "varimesh/v1/job.pb.h"
 
 namespace varimesh::client {
 
-/// A server that listens on no address. It is reached through an in-process channel.
+/// A server that listens on no address. It is reached through an in-process channel. It takes CAD models, because their
+/// reader (varimesh_cad_reader) is a process of its own, and the user of this process knows where they come from.
 class LocalService {
  public:
   /// Starts the service. It keeps its meshes below `folder`. Errors: those of server::Server::start().
@@ -25,7 +26,7 @@ class LocalService {
   virtual std::shared_ptr<MeshExchange> exchange() = 0;
 };
 
-/// What a server's job with a geometry reports, for nodes that slid in this process.
-v1::GeometryReport geometry_report(const SlidAndMeasured& done);
+/// The options of the library for a geometry, for nodes that slide without a job. Errors: BadOption.
+Expected<GeometryOptions> geometry_options(const v1::Geometry& geometry);
 
 }  // namespace varimesh::client

@@ -1,8 +1,9 @@
 #include "client/runs/optimise_run.h"
 
-#include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <iostream>
+#include <optional>
 
 #include "client/cli/option_flags.h"
 #include "client/io/outputs.h"
@@ -14,13 +15,11 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/runs/failed_surfaces.h"
-#include "client/runs/other_slides.h"
 #include "client/surfaces/deliver_surface.h"
+#include "core/mesh/check.h"
 
 namespace varimesh::client {
 namespace {
-
-constexpr double kLeastShare = 0.5;  // of the time limit: what a job gets at least after sliding
 
 /// The outputs, after a check that all files can be written. Errors: BadOption, Output.
 Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
@@ -50,42 +49,25 @@ v1::JobSpec spec_of(const OptimiseArguments& arguments, const std::vector<Output
   return spec;
 }
 
-/// Submits a job, and follows it. `notes`: what a geometry came to, for example. The error is the exit status; its
-/// message has been printed.
-tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& arguments, const v1::JobSpec& spec,
-                                   const std::string& request_id, Notes notes = Notes::Show) {
-  const auto job = client->submit(spec, request_id);
+/// Submits a job, and follows it. The error is the exit status; its message has been printed.
+tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& arguments, const v1::JobSpec& spec) {
+  const auto job = client->submit(spec, arguments.request_id);
   if (!job) return tl::unexpected(print_error(job.error()));
   const bool in_process = arguments.common.server.empty();
-  return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask, notes);
+  return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
 }
 
-/// Takes the seconds that sliding took in this process from the job's time limit.
-void take_seconds(const MovedMesh& moved, v1::JobSpec* spec) {
-  v1::Options& options = *spec->mutable_options();
-  const double limit = options.time_limit();
-  if (limit > 0) options.set_time_limit(std::max(kLeastShare * limit, limit - moved.seconds));
-}
-
-/// Adds what came of a model in this process to the job's metrics.
-void add_geometry(const std::optional<v1::GeometryReport>& geometry, v1::Job* job) {
-  if (geometry && job->has_metrics()) *job->mutable_metrics()->mutable_geometry() = *geometry;
-}
-
-/// The order is that of the curved mesh, so nothing is left to change for the job.
+/// The order is that of the curved mesh, so nothing is left to change after that.
 void take_order(OptimiseArguments* arguments) {
-  arguments->input.geometry.order = arguments->options.order();
+  arguments->input.geometry.set_order(arguments->options.order());
   arguments->options.clear_order();
 }
 
 /// Delivers the result of a run that has ended, and returns the exit status.
-/// @param as_it_came  the mesh before its nodes slid in this process; null: none slid
-int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Job& ended, std::vector<Output> outputs,
-                std::shared_ptr<const HighOrderMesh> as_it_came) {
+int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Job& ended, std::vector<Output> outputs) {
   Delivery delivery;
   delivery.input = arguments.name.empty() ? arguments.input.mesh : arguments.name;
-  delivery.geometry = arguments.input.geometry.file;
-  delivery.as_it_came = std::move(as_it_came);
+  delivery.geometry = arguments.input.model;
   delivery.outputs = std::move(outputs);
   delivery.history = arguments.history;
   delivery.report = arguments.report;
@@ -98,49 +80,57 @@ int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Jo
   return kInvalidLeft;
 }
 
+/// The connection of a run: to the service in this process if the server does not take the run's CAD model.
+tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
+  auto connection = connect(arguments.common);
+  if (!connection || arguments.common.server.empty() || arguments.input.model.empty()) return connection;
+  const auto server = connection->client->info();
+  if (!server) return tl::unexpected(print_error(server.error()));
+  if (server->takes_geometries()) return connection;
+  if (!arguments.common.quiet)
+    std::cerr << "The server takes no geometries, so the job runs in this process." << std::endl;
+  arguments.common.server.clear();
+  return connect(arguments.common);
+}
+
 /// Runs the job and returns the exit status. `geometry_report` gets what came of a model.
-int run(const OptimiseArguments& arguments, v1::GeometryReport* geometry_report) {
-  const auto input = with_options(arguments.input, arguments.options);
-  if (!input) return print_error(input.error());
+int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
+  if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
   const auto outputs = check_files(arguments);
   if (!outputs) return print_error(outputs.error());
-
-  const auto connection = connect(arguments.common);
+  const bool asks_for_job = !arguments.common.server.empty() || !arguments.history.empty() || !arguments.report.empty();
+  const auto connection = connect_for(arguments);
   if (!connection) return connection.error();
   Client* client = connection->client.get();
   const bool in_process = arguments.common.server.empty();
   const auto print_sentence = [&](const std::string& sentence) {
     if (!arguments.common.quiet) std::cerr << sentence << std::endl;
   };
-  Input sent = *input;  // without what the server does
-  sent.keeps_as_it_came = !arguments.report.empty();
-  v1::JobSpec spec = spec_of(arguments, *outputs);
-  if (!in_process) {
-    auto geometry = hand_over_geometry(*client, &sent, print_sentence);
-    if (!geometry) return print_error(geometry.error());
-    if (*geometry) *spec.mutable_geometry() = std::move(**geometry);
+  Input sent = arguments.input;  // without what the job does
+  std::optional<formats::MeshFile> moved;
+  if (in_process && sent.slides() && sent.geometry.order() == 0) {
+    auto file = read_moved(sent);
+    if (!file) return print_error(as_named(arguments, file.error()));
+    if (is_surface(file->mesh)) {
+      const auto slid = slide_here(sent, arguments.options, file->mesh, print_sentence);
+      if (!slid) return print_error(as_named(arguments, slid.error()));
+      return deliver_surface(arguments.common, asks_for_job, *outputs, *file, arguments.options.threads());
+    }
+    std::error_code failed;
+    if (!std::filesystem::is_regular_file(sent.mesh, failed)) moved = std::move(*file);  // a pipe has been read
   }
-  const auto moved = moved_mesh(sent, print_sentence);
-  if (!moved) return print_error(as_named(arguments, moved.error()));
-  if (*moved && is_only_a_surface(sent, (*moved)->file))
-    return deliver_surface(arguments.common, !in_process || !arguments.history.empty() || !arguments.report.empty(),
-                           *outputs, (*moved)->file, arguments.options.threads());
-  const auto mesh = upload(*client, sent, *moved, in_process ? keep_calls_going : nullptr);
+  v1::JobSpec spec = spec_of(arguments, *outputs);
+  auto geometry = hand_over_geometry(*client, &sent);
+  if (!geometry) return print_error(geometry.error());
+  if (*geometry) *spec.mutable_geometry() = std::move(**geometry);
+  const std::function<void()> on_read = in_process ? keep_calls_going : nullptr;
+  const auto mesh = moved ? upload(*client, sent, moved, on_read) : upload(*client, sent, on_read);
   if (!mesh) return print_error(as_named(arguments, mesh.error()));
   spec.mutable_mesh()->set_digest(mesh->digest());
-  if (*moved) take_seconds(**moved, &spec);
-  auto ended = run_job(client, arguments, spec, arguments.request_id);
+  const auto ended = run_job(client, arguments, spec);
   if (!ended) return ended.error();
-  if (*moved) add_geometry((*moved)->geometry, &*ended);
-  if (input->geometry.any()) {
-    const auto run_other = [&](const v1::JobSpec& other, const std::string& request_id) {
-      return run_job(client, arguments, other, request_id, Notes::LeaveOut);
-    };
-    *ended = best_of_other_slides({*client, *input, std::move(spec), arguments.request_id, run_other, print_sentence},
-                                  std::move(*ended));
-  }
   *geometry_report = ended->metrics().geometry();
-  return deliver_run(client, arguments, *ended, *outputs, *moved ? (*moved)->as_it_came : nullptr);
+  return deliver_run(client, arguments, *ended, *outputs);
 }
 
 }  // namespace
@@ -170,7 +160,7 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
 
 int check_curve(OptimiseArguments arguments) {
   take_order(&arguments);
-  if (const auto input = with_options(arguments.input, arguments.options); !input) return print_error(input.error());
+  if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
   const auto outputs = check_files(arguments);
   return outputs ? kDone : print_error(outputs.error());
 }

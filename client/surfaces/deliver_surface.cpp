@@ -6,7 +6,6 @@
 #include "client/io/documents.h"
 #include "client/io/summary.h"
 #include "client/process/exit_status.h"
-#include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
 
 namespace varimesh::client {
@@ -31,10 +30,6 @@ Expected<void> write_outputs(const std::vector<Output>& outputs, const formats::
 }
 
 }  // namespace
-
-bool is_only_a_surface(const Input& input, const formats::MeshFile& slid) {
-  return input.geometry.any() && is_surface(slid.mesh);
-}
 
 int deliver_surface(const CommonFlags& flags, bool asks_for_job, const std::vector<Output>& outputs,
                     const formats::MeshFile& slid, int threads) {

@@ -4,14 +4,10 @@
 #include <vector>
 
 #include "client/cli/common_flags.h"
-#include "client/io/inputs.h"
 #include "client/io/outputs.h"
 #include "core/formats/formats.h"
 
 namespace varimesh::client {
-
-/// Whether nothing is left to optimise once nodes have slid: the mesh has no volume.
-bool is_only_a_surface(const Input& input, const formats::MeshFile& slid);
 
 /// Writes the slid surface to the outputs, prints its quality with its certificates, and returns the exit status, which
 /// is kInvalidLeft if an element is not certified valid.

@@ -8,10 +8,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <csignal>
 #include <sstream>
 #include <string_view>
 #include <system_error>
+#include <thread>
 
 #include "core/base/utf8.h"
 #include "core/process/helper_program.h"
@@ -78,10 +80,26 @@ std::map<int, std::string> names_of(const std::string& text) {
   return names;
 }
 
+/// Waits for the end of the process, and returns its status. If the work is to stop, ends it and throws Interrupted.
+int status_of(pid_t id, const StopToken* stop) {
+  for (auto pause = std::chrono::milliseconds(1); stop != nullptr;
+       pause = std::min(2 * pause, std::chrono::milliseconds(20))) {
+    siginfo_t ended{};
+    const bool is_known = ::waitid(P_PID, static_cast<id_t>(id), &ended, WEXITED | WNOHANG | WNOWAIT) == 0;
+    if (ended.si_pid == id || (!is_known && errno != EINTR)) break;
+    if (stop->stopped()) {
+      end_helper(id, true);
+      throw Interrupted();
+    }
+    std::this_thread::sleep_for(pause);
+  }
+  return end_helper(id, false);
+}
+
 }  // namespace
 
 Expected<ReadModel> read_in_child(const std::string& reader, int file, const std::string& what,
-                                  std::int64_t most_memory) {
+                                  std::int64_t most_memory, const StopToken* stop) {
   const Nameless shape("varimesh shape"), sentence("varimesh sentence"), names("varimesh names");
   const int files[] = {shape.descriptor, sentence.descriptor, file, names.descriptor};
   const int seconds = seconds_for(file);
@@ -92,7 +110,7 @@ Expected<ReadModel> read_in_child(const std::string& reader, int file, const std
   if (child.id < 0)
     return bad_option("'" + reader + "', which reads CAD files, cannot be started (" +
                       std::system_category().message(child.error) + "); install VariMesh again.");
-  const int status = end_helper(child.id, false);
+  const int status = status_of(child.id, stop);
   const std::string about = what + " cannot be used: ";
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
     return ReadModel{shape.content(), lines_of(sentence.content()), names_of(names.content())};

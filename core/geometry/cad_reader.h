@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/stop_token.h"
 
 namespace varimesh::geometry {
 
@@ -20,9 +21,10 @@ struct ReadModel {
 /// Reads the open file with the program `reader`. The process has limits on time and memory, and ends when this one
 /// does.
 /// @param what  how sentences call the file
+/// @param stop  may be null. If it says stop, the process is ended. Throws Interrupted
 /// Errors: BadInput if the file cannot be read, or if the process crashed or reached a limit; BadOption if the program
 /// cannot be started.
 Expected<ReadModel> read_in_child(const std::string& reader, int file, const std::string& what,
-                                  std::int64_t most_memory);
+                                  std::int64_t most_memory, const StopToken* stop = nullptr);
 
 }  // namespace varimesh::geometry

@@ -34,7 +34,8 @@ std::int64_t CadModel::memory() const {
   return (std::int64_t{16} << 20) + 20 * static_cast<std::int64_t>(shape_.size());
 }
 
-Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what, std::int64_t most_memory) {
+Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what, std::int64_t most_memory,
+                              const StopToken* stop) {
   CadModel model;
   // The library stays loaded, because shapes that it made may live as long as the program.
   void* library = dlopen(plugin.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -43,7 +44,7 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
   if (model.read_ == nullptr)
     return bad_option("'" + plugin + "' belongs to another version of VariMesh; install both from the same package.");
   const std::string reader = std::filesystem::path(plugin).replace_filename(kReaderProgram).string();
-  auto read = read_in_child(reader, file, what, most_memory);
+  auto read = read_in_child(reader, file, what, most_memory, stop);
   if (!read) return tl::unexpected(read.error());
   model.shape_ = std::move(read->shape);
   model.notes_ = std::move(read->notes);
@@ -52,19 +53,22 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
   return model;
 }
 
+Expected<CadModel> read_model(int file, const std::string& what, const StopToken* stop) {
+  const std::string plugin = plugin_path();
+  if (!plugin.empty()) return read_model(plugin, file, what, machine_memory(), stop);
+  return bad_option(what +
+                    " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
+                    "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
+                    "of the group 'geometry' of deploy/packages.");
+}
+
 Expected<Geometry> load(const std::string& path) {
   const std::string what = "The geometry '" + path + "'";
   std::error_code failed;
   const bool is_file = std::filesystem::is_regular_file(path, failed);
   const int file = is_file ? ::open(path.c_str(), O_RDONLY | O_CLOEXEC) : -1;
   if (file < 0) return bad_input(what + " is not a file that can be read; check the name.");
-  const std::string plugin = plugin_path();
-  Expected<CadModel> model =
-      bad_option(what +
-                 " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
-                 "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
-                 "of the group 'geometry' of deploy/packages.");
-  if (!plugin.empty()) model = read_model(plugin, file, what, machine_memory());
+  const auto model = read_model(file, what);
   ::close(file);
   if (!model) return tl::unexpected(model.error());
   return model->geometry();

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/stop_token.h"
 #include "core/geometry/geometry.h"
 #include "core/geometry/plugin.h"
 
@@ -25,7 +26,7 @@ class CadModel {
 
  private:
   friend Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what,
-                                       std::int64_t most_memory);
+                                       std::int64_t most_memory, const StopToken* stop);
   std::string what_, shape_;
   std::vector<std::string> notes_;
   std::map<int, std::string> names_;
@@ -37,7 +38,13 @@ class CadModel {
 /// @param what         how sentences call the model: "The geometry 'part.step'"
 /// @param most_memory  that the process may have, in bytes
 /// Errors: BadInput if the file cannot be read or has no surface; BadOption if the plugin cannot be loaded.
-Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what, std::int64_t most_memory);
+Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what, std::int64_t most_memory,
+                              const StopToken* stop = nullptr);
+
+/// The same with the plugin of this program and the memory of this machine. Errors: BadOption, with what to install, if
+/// there is no plugin.
+/// @param stop  may be null. Throws Interrupted if the work is to stop
+Expected<CadModel> read_model(int file, const std::string& what, const StopToken* stop = nullptr);
 
 /// The memory for most_memory of read_model() with a file of this size, beside which a damaged file stands out.
 std::int64_t memory_for_reading(std::int64_t file_bytes);

@@ -12,10 +12,14 @@ namespace {
 
 using Words = std::string_view;
 
+template <class Of, class Enum, Enum Of::*member>
+constexpr ChoiceOf<Of> choice_of(std::span<const std::string_view> words) {
+  return {words, [](const Of& options) { return static_cast<int>(options.*member); },
+          [](Of& options, int value) { options.*member = static_cast<Enum>(value); }};
+}
 template <class Enum, Enum Options::*member>
 constexpr ChoiceMember choice(std::span<const std::string_view> words) {
-  return {words, [](const Options& options) { return static_cast<int>(options.*member); },
-          [](Options& options, int value) { options.*member = static_cast<Enum>(value); }};
+  return choice_of<Options, Enum, member>(words);
 }
 
 constexpr Words kEnergy[] = {"hyperelastic", "linear-elastic", "winslow", "distortion"};
@@ -126,6 +130,45 @@ const std::array kTable{
            "How many layers of elements around those below region_below may move"),
 };
 
+constexpr Words kSlideOn[] = {"model", "boundary"};
+constexpr Words kSlide[] = {"none", "surfaces", "all", "coupled", "auto"};
+
+const std::array kGeometryTable{
+    GeometryOption{
+        "slide",
+        choice_of<GeometryOptions, SlideOn, &GeometryOptions::slide>(kSlide),
+        {},
+        {},
+        "Which boundary nodes slide: none, surfaces, all (on curves and surfaces), or coupled (the same, and "
+        "then all nodes of the mesh together); auto is all, and tries coupled and none if elements are left"},
+    GeometryOption{
+        "tolerance",
+        &GeometryOptions::tolerance,
+        kNotNegative,
+        "a length, or 0 for twice the distance as the mesh came",
+        "With coupled sliding: how far the boundary may lie from the geometry, in the mesh's unit of length; "
+        "0: twice as far as it does",
+        {},
+        "geometry_tolerance"},
+    GeometryOption{"snap",
+                   &GeometryOptions::snap,
+                   {},
+                   {},
+                   "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 "
+                   "of the mesh's size"},
+    GeometryOption{"smooth_angle", &GeometryOptions::smooth_angle, upto(45), "degrees from 0 to 45",
+                   "Boundary nodes cross joints at which surfaces or curves of the model meet at no more than this "
+                   "angle, in degrees; 0: none"},
+    GeometryOption{"slide_on",
+                   choice_of<GeometryOptions, GeometrySource, &GeometryOptions::slide_on>(kSlideOn),
+                   {},
+                   {},
+                   "What boundary nodes slide on: a CAD model, or, without one, the mesh's own curved boundary as it "
+                   "came"},
+    GeometryOption{"order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
+                   "The order with which a mesh of order 1 is first curved on the model; 0: it is curved already"},
+};
+
 // The options that only matter on the way to the energy's optimum.
 constexpr Words kOfEnergy[] = {"energy", "strain", "volumetric", "winslow",  "constants", "mu",    "lambda",
                                "kappa",  "method", "tolerance",  "until_js", "p_norm",    "target"};
@@ -145,6 +188,7 @@ bool OptionRange::contains(double value) const {
 }
 
 std::span<const OptionInfo> option_table() { return kTable; }
+std::span<const GeometryOption> geometry_option_table() { return kGeometryTable; }
 
 bool is_of_energy(const OptionInfo& option) { return std::ranges::find(kOfEnergy, option.name) != std::end(kOfEnergy); }
 
@@ -157,9 +201,9 @@ bool is_default(const OptionInfo& option, const Options& options) {
                     option.member);
 }
 
-bool is_number(const OptionInfo& option) {
-  return std::holds_alternative<double Options::*>(option.member) ||
-         std::holds_alternative<int Options::*>(option.member);
+template <class Of>
+bool is_number(const OptionOf<Of>& option) {
+  return std::holds_alternative<double Of::*>(option.member) || std::holds_alternative<int Of::*>(option.member);
 }
 
 std::string number_text(double value) {
@@ -169,24 +213,33 @@ std::string number_text(double value) {
   return exponent == std::string::npos ? text : text.erase(exponent + 2, 1);
 }
 
-std::string default_text(const OptionInfo& option) {
-  const Options options;
+template <class Of>
+std::string default_text(const OptionOf<Of>& option) {
+  const Of options;
   if (!option.opposite.empty()) return {};
-  return std::visit(Overloaded{[&](double Options::*member) { return number_text(options.*member); },
-                               [&](int Options::*member) { return std::to_string(options.*member); },
-                               [&](bool Options::*member) { return std::string(options.*member ? "on" : "off"); },
-                               [&](const ChoiceMember& member) {
+  return std::visit(Overloaded{[&](double Of::*member) { return number_text(options.*member); },
+                               [&](int Of::*member) { return std::to_string(options.*member); },
+                               [&](bool Of::*member) { return std::string(options.*member ? "on" : "off"); },
+                               [&](const ChoiceOf<Of>& member) {
                                  return std::string(member.words[static_cast<std::size_t>(member.get(options))]);
                                },
                                [](const auto&) { return std::string(); }},
                     option.member);
 }
 
-double number_of(const OptionInfo& option, const Options& options) {
-  return std::visit(Overloaded{[&](double Options::*member) { return options.*member; },
-                               [&](int Options::*member) { return static_cast<double>(options.*member); },
+template <class Of>
+double number_of(const OptionOf<Of>& option, const Of& options) {
+  return std::visit(Overloaded{[&](double Of::*member) { return options.*member; },
+                               [&](int Of::*member) { return static_cast<double>(options.*member); },
                                [](const auto&) { return std::numeric_limits<double>::quiet_NaN(); }},
                     option.member);
 }
+
+template bool is_number(const OptionInfo&);
+template bool is_number(const GeometryOption&);
+template std::string default_text(const OptionInfo&);
+template std::string default_text(const GeometryOption&);
+template double number_of(const OptionInfo&, const Options&);
+template double number_of(const GeometryOption&, const GeometryOptions&);
 
 }  // namespace varimesh

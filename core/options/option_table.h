@@ -1,9 +1,9 @@
-// The options of an optimisation in one table: name, type, range, default, one sentence of help.
+// The options of an optimisation, and those of a geometry, in tables: name, type, range, default, one sentence of help.
 //
 // check() takes the ranges from this table. The server uses it to convert varimesh.v1.Options, and the command makes
 // its flags and their help from it. Tests compare the contract, docs/options.md and the Python keywords with it. A new
 // option needs a field in Options, one line in this table, a field of the same name in varimesh.v1.Options, and the
-// code that uses it.
+// code that uses it. The same holds for GeometryOptions and varimesh.v1.Geometry.
 #pragma once
 
 #include <cstdint>
@@ -14,22 +14,25 @@
 #include <variant>
 #include <vector>
 
+#include "core/options/geometry_options.h"
 #include "core/options/options.h"
 
 namespace varimesh {
 
-/// An option that takes one of several words. The values are those of its enum: 0, 1, … in the order of `words`.
-struct ChoiceMember {
+/// An option of the struct `Of` that takes one of several words. The values are those of its enum: 0, 1, … in the order
+/// of `words`.
+template <class Of>
+struct ChoiceOf {
   std::span<const std::string_view> words;
-  int (*get)(const Options& options);
-  void (*set)(Options& options, int value);
+  int (*get)(const Of& options);
+  void (*set)(Of& options, int value);
 };
 
-/// The field of Options that holds the value. It determines the type of the option: a number, a whole number, on or
-/// off, names, node numbers, one of several words, or a field that is read from a file.
-using OptionMember =
-    std::variant<double Options::*, int Options::*, bool Options::*, std::vector<std::string> Options::*,
-                 std::vector<std::int64_t> Options::*, ChoiceMember, TargetField Options::*>;
+/// The field of `Of` that holds the value. It determines the type of the option: a number, a whole number, on or off,
+/// names, node numbers, one of several words, or a field that is read from a file.
+template <class Of>
+using MemberOf = std::variant<double Of::*, int Of::*, bool Of::*, std::vector<std::string> Of::*,
+                              std::vector<std::int64_t> Of::*, ChoiceOf<Of>, TargetField Of::*>;
 
 /// The values that a number may have. NaN and infinity are always refused.
 struct OptionRange {
@@ -41,22 +44,33 @@ struct OptionRange {
   bool contains(double value) const;
 };
 
-struct OptionInfo {
-  std::string_view name;  ///< The name in Options, in the contract and in Python; the flag has dashes instead.
-  OptionMember member;
+/// One row of a table.
+template <class Of>
+struct OptionOf {
+  std::string_view name;  ///< The name in `Of`, in the contract and in Python; the flag has dashes instead.
+  MemberOf<Of> member;
   OptionRange range;        ///< For numbers only.
   std::string_view values;  ///< The possible values in words, for pages and errors; empty if the type says it.
   std::string_view help;    ///< One sentence, without the default.
   /// For an option that is on or off, and off by default: the name of the flag that says off. Its flags take no value.
   std::string_view opposite = {};
+  std::string_view flag = {};  ///< The flag's name without dashes in front, if it is another than `name`.
 };
+
+using ChoiceMember = ChoiceOf<Options>;
+using OptionMember = MemberOf<Options>;
+using OptionInfo = OptionOf<Options>;
+using GeometryOption = OptionOf<GeometryOptions>;
 
 /// All options, in the order of the help and of the documentation.
 std::span<const OptionInfo> option_table();
+/// The same for a geometry.
+std::span<const GeometryOption> geometry_option_table();
 
 /// The default as a user would write it, such as "1e-6", "on" or "straight-sided"; empty for a list, a field or an
 /// option with an opposite, whose help says it.
-std::string default_text(const OptionInfo& option);
+template <class Of>
+std::string default_text(const OptionOf<Of>& option);
 
 /// Whether the option speaks of an energy, of its constants, or of where and how to stop at its optimum. Whoever names
 /// such an option and no objective gets the energy's optimum.
@@ -65,9 +79,11 @@ bool is_of_energy(const OptionInfo& option);
 bool is_default(const OptionInfo& option, const Options& options);
 
 /// Whether the value is a number or a whole number.
-bool is_number(const OptionInfo& option);
+template <class Of>
+bool is_number(const OptionOf<Of>& option);
 /// The value of an option that is a number; NaN for other types.
-double number_of(const OptionInfo& option, const Options& options);
+template <class Of>
+double number_of(const OptionOf<Of>& option, const Of& options);
 /// The shortest text that means the number, such as "1e-6", "0.25" or "nan".
 std::string number_text(double value);
 

@@ -80,7 +80,7 @@ class Sliding {
     for (std::size_t s = 0; s < surfaces_.size(); ++s)
       if (!surface_elements_[s].empty()) all.push_back(static_cast<int>(s));
     measure_start(all);
-    if (what == SlideOn::All || what == SlideOn::Coupled) slide_curves();
+    if (what != SlideOn::None && what != SlideOn::Surfaces) slide_curves();
     if (what != SlideOn::None) slide_surfaces(all);
     // The nodes of a curve may have left a surface worse than it came. Then they go back, and the surfaces around try
     // again. Each time fewer curves have moved, so this ends.
@@ -345,14 +345,6 @@ class Sliding {
 };
 
 }  // namespace
-
-Expected<SlideOn> slide_on_from_name(std::string_view name) {
-  if (name == "none") return SlideOn::None;
-  if (name == "surfaces") return SlideOn::Surfaces;
-  if (name == "all") return SlideOn::All;
-  if (name == "coupled") return SlideOn::Coupled;
-  return bad_option("--slide must be none, surfaces, all or coupled, not '" + std::string(name) + "'.");
-}
 
 std::string SlideReport::sentence(double size) const {
   char text[768];

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/association/association.h"
+#include "core/options/geometry_options.h"
 #include "core/slide/slide_report.h"
 
 namespace varimesh {

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "core/association/file_parameters.h"
 #include "core/association/own_boundary.h"
@@ -138,70 +139,75 @@ struct Work {
 };
 
 /// What can be refused before a geometry is read.
-Expected<SlideOn> check(const HighOrderMesh& mesh, const GeometryOptions& options, const Team& team) {
-  const auto what = slide_on_from_name(options.slide.empty() ? "all" : options.slide);
-  if (!what) return what;
-  if (options.on_boundary && (!options.file.empty() || options.order > 0 || options.snap))
+Expected<void> check_with_mesh(const HighOrderMesh& mesh, const GeometryOptions& options, const Team& team) {
+  if (auto fine = check(options); !fine) return fine;
+  if (options.slide == SlideOn::Coupled && mesh.dimension != 3)
     return bad_option(
-        "--slide-on boundary goes without --geometry, --snap and an order, because nodes stay near the "
-        "boundary of the mesh as it came.");
-  if (*what == SlideOn::Coupled && (options.on_boundary || mesh.dimension != 3))
-    return bad_option(options.on_boundary
-                          ? "--slide coupled needs a model; --slide-on boundary goes with none, surfaces and all."
-                          : "--slide coupled moves the nodes inside volume elements too, and a surface has none: use "
-                            "--slide all.");
-  if (!(options.tolerance >= 0 && std::isfinite(options.tolerance)))
-    return bad_option("--geometry-tolerance must be a length.");
-  if (options.tolerance > 0 && *what != SlideOn::Coupled)
-    return bad_option("--geometry-tolerance goes only with --slide coupled.");
+        "slide is coupled, which moves the nodes inside volume elements too, and a surface has none; choose all.");
   Expected<void> checked;
   team.run([&] { checked = check_judgeable(mesh, team); });
   if (checked) checked = check_order(mesh, options.order);
-  if (!checked) return tl::unexpected(checked.error());
+  if (!checked) return checked;
   if (const auto fixed = nodes_of_groups(mesh, options.fix); !fixed) return tl::unexpected(fixed.error());
-  return what;
+  return {};
 }
 
-/// Without a model: on the mesh's own boundary.
-Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& options, SlideOn what, const Team& team,
+/// @param model  null: the mesh's own boundary
+Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& options, const Team& team,
                                   const geometry::Geometry* model) {
-  Work work{mesh, options, what, team, {}};
+  Work work{mesh, options, options.slide, team, {}};
   if (model != nullptr) work.sentences = model->notes;
-  std::vector<double> start = mesh.coordinates;
+  std::vector<double> coordinates = mesh.coordinates;
+  std::optional<HighOrderMesh> straight;  // curving changes everything
+  if (options.order > 0) straight = mesh;
+  const auto go_back = [&] {
+    if (straight)
+      mesh = std::move(*straight);
+    else
+      mesh.coordinates = std::move(coordinates);
+  };
   Expected<void> done;
   try {
     done = model == nullptr ? work.run_on_boundary() : work.run(*model);
   } catch (const Interrupted&) {
-    mesh.coordinates = std::move(start);
+    go_back();
     throw;
   }
   if (!done) {
-    mesh.coordinates = std::move(start);
+    go_back();
     return tl::unexpected(done.error());
   }
   return SlidOnGeometry{std::move(work.sentences), work.report};
+}
+
+Team team_of(const GeometryOptions& options) {
+  Team team(options.threads);
+  team.set_stop(options.stop);
+  return team;
 }
 
 }  // namespace
 
 Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
                                         const geometry::Geometry& model) {
-  assert(options.stop == nullptr || options.order == 0);  // a mesh that is being curved cannot go back
-  Team team(options.threads);
-  team.set_stop(options.stop);
-  const auto what = check(mesh, options, team);
-  if (!what) return tl::unexpected(what.error());
-  return slide_on(mesh, options, *what, team, &model);
+  const Team team = team_of(options);
+  if (const auto fine = check_with_mesh(mesh, options, team); !fine) return tl::unexpected(fine.error());
+  return slide_on(mesh, options, team, &model);
+}
+
+Expected<SlidOnGeometry> slide_on_boundary(HighOrderMesh& mesh, const GeometryOptions& options) {
+  const Team team = team_of(options);
+  if (const auto fine = check_with_mesh(mesh, options, team); !fine) return tl::unexpected(fine.error());
+  return slide_on(mesh, options, team, nullptr);
 }
 
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
-  const Team team(options.threads);
-  const auto what = check(mesh, options, team);
-  if (!what) return tl::unexpected(what.error());
+  const Team team = team_of(options);
+  if (const auto fine = check_with_mesh(mesh, options, team); !fine) return tl::unexpected(fine.error());
   Expected<geometry::Geometry> geometry;
-  if (!options.on_boundary) geometry = geometry::load(options.file);
+  if (!options.on_boundary()) geometry = geometry::load(options.file);
   if (!geometry) return tl::unexpected(geometry.error());
-  auto slid = slide_on(mesh, options, *what, team, options.on_boundary ? nullptr : &*geometry);
+  auto slid = slide_on(mesh, options, team, options.on_boundary() ? nullptr : &*geometry);
   if (!slid) return tl::unexpected(slid.error());
   return std::move(slid->sentences);
 }

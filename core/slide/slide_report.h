@@ -1,24 +1,10 @@
-// Which boundary nodes slide, and what came of it. Internal to the library.
+// What came of sliding boundary nodes.
 #pragma once
 
 #include <cstdint>
 #include <string>
-#include <string_view>
-
-#include "core/base/error.h"
 
 namespace varimesh {
-
-/// Which nodes slide.
-enum class SlideOn : std::uint8_t {
-  None,      ///< None: the mesh is only associated with the geometry.
-  Surfaces,  ///< Nodes on surfaces. Those on curves stay.
-  All,       ///< Nodes on curves, then nodes on surfaces.
-  Coupled,   ///< The same, and then all nodes of the mesh together, those inside it included.
-};
-
-/// The word for a SlideOn: none, surfaces, all or coupled. Errors: BadOption, which lists the words.
-Expected<SlideOn> slide_on_from_name(std::string_view name);
 
 /// The distance between the curved boundary and the geometry, sampled between the nodes, in the mesh's unit of length.
 struct BoundaryDistance {

@@ -16,9 +16,9 @@
 #include "core/mesh/checked_mesh.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/memory.h"
+#include "core/optimise/on_geometry/optimise_on_geometry.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/certified_quality.h"
-#include "core/slide/distance/slide_and_measure.h"
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/mesh_parts.h"
@@ -148,34 +148,6 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
       "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
-/// Slides the boundary nodes on the model of the request, and takes the time from its time limit. Nothing if the run is
-/// to stop meanwhile, or if the limit passes: then the mesh is as it came, and a note says so.
-Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, RunRequest& request, const RunHooks& hooks) {
-  const auto model = request.model->geometry();
-  if (!model) return tl::unexpected(model.error());
-  double& limit = request.options.time_limit;
-  StopToken stop(
-      [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
-  if (limit > 0) stop.stop_after(limit);
-  GeometryOptions options = geometry_options(*request.geometry, request.options);
-  options.stop = &stop;
-  if (hooks.control.threads) options.threads = hooks.control.threads();  // all that the job has now
-  const Stopwatch watch;
-  std::optional<SlidAndMeasured> slid;
-  try {
-    auto done = slide_and_measure(mesh, options, *model);
-    if (!done) return tl::unexpected(done.error());
-    slid = std::move(*done);
-  } catch (const Interrupted&) {
-    if (hooks.on_note)
-      hooks.on_note(
-          std::string(stop.reason() == StopToken::Reason::TimeLimit ? "The time limit passed" : "The run was stopped") +
-          " while boundary nodes slid, so they are where they came.");
-  }
-  if (limit > 0) limit = std::max(1e-9, limit - watch.seconds());
-  return slid;
-}
-
 /// The summary of a run that was stopped before it had a mesh.
 RunSummary stopped_early() {
   RunSummary summary;
@@ -222,9 +194,38 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
   return std::move(*file);
 }
 
+/// The options of the request's geometry; nothing if it has none.
+Expected<std::optional<GeometryOptions>> geometry_of(const RunRequest& request) {
+  if (!request.geometry) return std::optional<GeometryOptions>();
+  auto options = options_from(*request.geometry);
+  if (!options) return bad_option(options.error().sentence);
+  if (!options->on_boundary() && request.model == nullptr) return takes_no_models();
+  return std::optional(std::move(*options));
+}
+
+/// Runs the optimisation on a geometry. `metrics` gets what came of it, and what was tried.
+/// @param model  null: the mesh's own boundary
+Expected<Result> optimise_sliding(HighOrderMesh mesh, const GeometryOptions& geometry, const geometry::CadModel* model,
+                                  const Options& options, const RunControl& control, const RunHooks& hooks,
+                                  v1::Metrics& metrics) {
+  OnGeometryHooks told;
+  told.on_sentence = hooks.on_note;
+  told.threads_to_slide = hooks.control.threads;  // all that the job has now
+  if (hooks.on_slide_trial) told.on_trial = [&](const SlideTrial& trial) { hooks.on_slide_trial(to_proto(trial)); };
+  Expected<geometry::Geometry> read;
+  if (model != nullptr) read = model->geometry();
+  if (!read) return tl::unexpected(read.error());
+  auto done = optimise_on_geometry(std::move(mesh), options, geometry, model == nullptr ? nullptr : &*read,
+                                   hooks.on_iteration, control, told);
+  if (!done) return tl::unexpected(done.error());
+  if (done->slid && model != nullptr) *metrics.mutable_geometry() = to_proto(*done->slid);
+  for (const SlideTrial& trial : done->trials) *metrics.add_slide_trials() = to_proto(trial);
+  return std::move(done->result);
+}
+
 Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
-  if (request.geometry && request.model == nullptr)
-    return bad_option("This server runs jobs in its own process, so it slides no nodes on CAD files.");
+  const auto geometry = geometry_of(request);
+  if (!geometry) return tl::unexpected(geometry.error());
   if (request.quality) request.options = judging_options(request.options);
   auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
@@ -232,7 +233,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
-  if (request.model && is_surface((*file)->mesh))
+  if (*geometry && is_surface((*file)->mesh))
     return bad_input(
         "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
         "--server.");
@@ -240,40 +241,35 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
                             Team(request.options.threads));
   if (!checked) return tl::unexpected(checked.error());
   HighOrderMesh& mesh = checked->mesh;
+  Options in_the_end = request.options;  // with the order of the result
+  if (*geometry && (*geometry)->order > 0) in_the_end.order = (*geometry)->order;
   const auto outputs = definite_outputs(request.outputs, read_as);
-  if (const auto have = check_outputs_can_hold(mesh, request.options.order, outputs, request.options.threads); !have)
+  if (const auto have = check_outputs_can_hold(mesh, in_the_end.order, outputs, request.options.threads); !have)
     return tl::unexpected(have.error());
-  const std::int64_t lattice = request.quality ? memory_of_lattice(mesh, request.quality->lattice()) : 0;
-  const std::int64_t of_model = request.model ? request.model->memory() : 0;
-  const Expected<bool> admitted =
-      hooks.admit ? hooks.admit(memory_needed(mesh, request.options) + lattice + of_model) : Expected<bool>(true);
+  std::int64_t memory =
+      *geometry ? memory_needed_on_geometry(mesh, request.options, **geometry) : memory_needed(mesh, request.options);
+  if (request.quality) memory += memory_of_lattice(mesh, request.quality->lattice());
+  if (request.model) memory += request.model->memory();
+  const Expected<bool> admitted = hooks.admit ? hooks.admit(memory) : Expected<bool>(true);
   if (!admitted) return tl::unexpected(admitted.error());
   if (!*admitted || (hooks.given_up && hooks.given_up())) return RunOutcome(stopped_early());
   note_straight_boundary(mesh, request, hooks);
-  const double pairs = pairs_of_nodes(mesh, request.options);
-  const int most = most_threads(pairs, kPairsPerThread);
+  const int most = most_threads(pairs_of_nodes(mesh, in_the_end), kPairsPerThread);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
-  std::optional<SlidAndMeasured> slid;
-  if (request.model) {
-    auto done = slide_nodes(mesh, request, hooks);
-    if (!done) return tl::unexpected(done.error());
-    slid = std::move(*done);
-    request.model.reset();
-    if (!slid) control.checkpoint = {};  // it belongs to the mesh that has slid
-    if (slid && hooks.on_note)
-      for (const std::string& sentence : slid->slid.sentences) hooks.on_note(sentence);
-  }
   request.options.threads = std::min(request.options.threads, most);
+  v1::Metrics of_geometry;
   auto result = request.quality ? judge(std::move(*checked), *request.quality, request.options, hooks)
-                                : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
+                : *geometry ? optimise_sliding(std::move(checked->mesh), **geometry, request.model.get(),
+                                               request.options, control, hooks, of_geometry)
+                            : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());
   if (wanted)
     if (const auto written = write_outputs(*result, request, read_as, hooks); !written)
       return tl::unexpected(written.error());
   RunOutcome outcome(static_cast<const RunSummary&>(*result));
-  if (slid) *outcome.metrics.mutable_geometry() = to_proto(*slid);
+  outcome.metrics.MergeFrom(of_geometry);
   return outcome;
 }
 
@@ -282,7 +278,10 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
 Engine core_engine() {
   return {
       [](const Options& options) { return check(options); },
-      [](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> { return run(std::move(request), hooks); }};
+      [](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> { return run(std::move(request), hooks); },
+      [](const v1::Geometry& geometry, const Options& options) -> Expected<void> {
+        return is_on_boundary(geometry) ? check(geometry, options) : takes_no_models();
+      }};
 }
 
 }  // namespace varimesh::server

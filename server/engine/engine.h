@@ -29,9 +29,8 @@ struct RunRequest {
   Options options;                         ///< `threads` is what the thread budget gives, never 0.
   std::vector<v1::MeshFormat> outputs;     ///< The formats of the results. Empty: the format of the input.
   std::optional<v1::QualityTask> quality;  ///< If set, the mesh is judged, and nothing moves.
-  std::optional<v1::Geometry> geometry;    ///< If set, boundary nodes slide before the mesh is optimised,
-  std::shared_ptr<const Blob>
-      cad_file;  ///< on the model in this CAD file: only an engine with check_geometry reads it.
+  std::optional<v1::Geometry> geometry;    ///< If set, boundary nodes slide before the mesh is optimised.
+  std::shared_ptr<const Blob> cad_file;    ///< The CAD file if they slide on a model. core_engine() does not read it.
   std::shared_ptr<const geometry::CadModel> model;  ///< The model once it is read. core_engine() slides on it.
 };
 
@@ -55,6 +54,8 @@ struct RunHooks {
   std::function<void(const v1::Work&)> on_work;
   /// Called with a sentence about the run that people should see. May be empty.
   std::function<void(const std::string&)> on_note;
+  /// Called when another way to slide begins, and once more when it has ended. May be empty.
+  std::function<void(const v1::SlideTrial&)> on_slide_trial;
   /// Checkpoints, threads, and whether the run is to stop, as the library asks for them. `control.checkpoint` is what
   /// an earlier attempt at the job has saved. If it can be used, the run continues from there, to the same bytes as
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
@@ -81,12 +82,12 @@ struct Engine {
   /// which may be the mesh as it came. Only a run that was not admitted, or was stopped while it read the mesh, has
   /// none. Errors: BadInput, BadOption, Output.
   std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> run;
-  /// Checks whether a job with these options can have a geometry here. Empty: this engine reads no CAD files, because
-  /// they can make the program that reads them crash, and it has no process for that. Errors: BadOption.
+  /// Checks whether a job with these options can have a geometry here. Empty: it can have none. Errors: BadOption.
   std::function<Expected<void>(const v1::Geometry&, const Options&)> check_geometry = {};
 };
 
-/// The engine that uses the numerical library.
+/// The engine that uses the numerical library. It takes no CAD models, because it has no process to read them in: they
+/// can make the program that reads them crash.
 Engine core_engine();
 
 }  // namespace varimesh::server

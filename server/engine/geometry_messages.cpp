@@ -1,13 +1,12 @@
 #include "server/engine/geometry_messages.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
+
+#include "server/engine/option_messages.h"
 
 namespace varimesh::server {
 namespace {
-
-constexpr double kMostDegrees = 45;
 
 v1::BoundaryDistance to_proto(const BoundaryDistance& distance) {
   v1::BoundaryDistance message;
@@ -43,15 +42,10 @@ void add(const BoundaryDistances& distances, v1::GeometryReport& report) {
 }  // namespace
 
 Expected<void> check(const v1::Geometry& geometry, const Options& options) {
-  if (!v1::Geometry::Slide_IsValid(geometry.slide()))
-    return bad_option("geometry.slide is " + std::to_string(static_cast<int>(geometry.slide())) +
-                      ", but this server knows only none, surfaces, all and coupled.");
-  if (!(geometry.smooth_angle() >= 0 && geometry.smooth_angle() <= kMostDegrees))
-    return bad_option("geometry.smooth_angle must be from 0 to 45 degrees.");
-  if (!(geometry.tolerance() >= 0 && std::isfinite(geometry.tolerance())))
-    return bad_option("geometry.tolerance must be a length, or 0.");
-  if (geometry.tolerance() > 0 && geometry.slide() != v1::Geometry::SLIDE_COUPLED)
-    return bad_option("geometry.tolerance goes only with slide coupled.");
+  auto own = options_from(geometry);
+  if (!own) return bad_option(own.error().sentence);
+  own->file = geometry.digest();  // stands for the model
+  if (auto fine = check(*own); !fine) return fine;
   if (options.order > 0)
     return bad_option("order does not go with a geometry, because new boundary nodes would not lie on it.");
   if (!options.free.empty() || !options.free_nodes.empty() || !options.fix_nodes.empty() || options.region_below > 0)
@@ -59,19 +53,16 @@ Expected<void> check(const v1::Geometry& geometry, const Options& options) {
   return {};
 }
 
-GeometryOptions geometry_options(const v1::Geometry& geometry, const Options& options) {
-  GeometryOptions all;
-  all.slide = geometry.slide() == v1::Geometry::SLIDE_NONE       ? "none"
-              : geometry.slide() == v1::Geometry::SLIDE_SURFACES ? "surfaces"
-              : geometry.slide() == v1::Geometry::SLIDE_COUPLED  ? "coupled"
-                                                                 : "all";
-  all.tolerance = geometry.tolerance();
-  all.coupled_seconds = options.time_limit / 2;
-  all.snap = geometry.snap();
-  all.smooth_angle = geometry.smooth_angle();
-  all.fix = options.fix;
-  all.threads = options.threads;
-  return all;
+v1::SlideTrial to_proto(const SlideTrial& trial) {
+  v1::SlideTrial message;
+  message.set_slide(static_cast<v1::SlideTrial::Slide>(static_cast<int>(trial.slide) + 1));
+  message.set_outcome(static_cast<v1::SlideTrial::Outcome>(static_cast<int>(trial.outcome) + 1));
+  message.set_left_before(trial.left_before);
+  message.set_min_scaled_jacobian_before(trial.min_scaled_jacobian_before);
+  message.set_left(trial.left);
+  message.set_min_scaled_jacobian(trial.min_scaled_jacobian);
+  message.set_error(trial.error);
+  return message;
 }
 
 v1::GeometryReport to_proto(const SlidAndMeasured& done) {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cassert>
 #include <string>
+#include <string_view>
 
 #include "core/options/option_table.h"
 #include "server/refusals.h"
@@ -17,61 +18,81 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Reflection;
 
-const FieldDescriptor& field_of(const OptionInfo& option) {
-  const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
+template <class Message>
+const FieldDescriptor& field_of(std::string_view option) {
+  const FieldDescriptor* field = Message::descriptor()->FindFieldByName(std::string(option));
   assert(field != nullptr);
   return *field;
 }
 
-/// Reads one option; called with its member. False if this server does not know the value.
+/// Reads one option of the struct `Of`; called with its member. False if this server does not know the value.
+template <class Of, class Message>
 struct FromMessage {
-  const v1::Options& message;
+  const Message& message;
   const FieldDescriptor& field;
-  Options& options;
-  const Reflection& reflection = *v1::Options::GetReflection();
+  Of& options;
+  const Reflection& reflection = *Message::GetReflection();
 
   /// A number without presence has the default 0 in the library as well.
   bool is_given() const { return !field.has_presence() || reflection.HasField(message, &field); }
 
-  bool operator()(double Options::*member) const {
+  bool operator()(double Of::*member) const {
     if (is_given()) options.*member = reflection.GetDouble(message, &field);
     return true;
   }
-  bool operator()(int Options::*member) const {
+  bool operator()(int Of::*member) const {
     if (is_given()) options.*member = reflection.GetInt32(message, &field);
     return true;
   }
-  bool operator()(bool Options::*member) const {
+  bool operator()(bool Of::*member) const {
     if (is_given()) options.*member = reflection.GetBool(message, &field);
     return true;
   }
-  bool operator()(std::vector<std::string> Options::*member) const {
-    const auto values = reflection.GetRepeatedFieldRef<std::string>(message, &field);
+  bool operator()(std::vector<std::string> Of::*member) const {
+    const auto values = reflection.template GetRepeatedFieldRef<std::string>(message, &field);
     (options.*member).assign(values.begin(), values.end());
     return true;
   }
-  bool operator()(std::vector<std::int64_t> Options::*member) const {
-    const auto values = reflection.GetRepeatedFieldRef<std::int64_t>(message, &field);
+  bool operator()(std::vector<std::int64_t> Of::*member) const {
+    const auto values = reflection.template GetRepeatedFieldRef<std::int64_t>(message, &field);
     (options.*member).assign(values.begin(), values.end());
     return true;
   }
-  bool operator()(const ChoiceMember& member) const {
+  bool operator()(const ChoiceOf<Of>& member) const {
     const int value = reflection.GetEnumValue(message, &field);
     if (value < 0 || value > static_cast<int>(member.words.size())) return false;
     if (value > 0) member.set(options, value - 1);
     return true;
   }
-  bool operator()(TargetField Options::*member) const {
-    const v1::TargetField& from = message.target_field();
-    if (!v1::Per_IsValid(from.per())) return false;
-    TargetField& to = options.*member;
-    if (from.per() != v1::PER_UNSPECIFIED) to.per = from.per() == v1::PER_CELL ? Per::Cell : Per::Vertex;
-    if (is_given()) to.components = from.components();
-    to.numbers.assign(from.numbers().begin(), from.numbers().end());
-    to.values.assign(from.values().begin(), from.values().end());
+  bool operator()(TargetField Of::*member) const {
+    if constexpr (requires { message.target_field(); }) {
+      const v1::TargetField& from = message.target_field();
+      if (!v1::Per_IsValid(from.per())) return false;
+      TargetField& to = options.*member;
+      if (from.per() != v1::PER_UNSPECIFIED) to.per = from.per() == v1::PER_CELL ? Per::Cell : Per::Vertex;
+      if (is_given()) to.components = from.components();
+      to.numbers.assign(from.numbers().begin(), from.numbers().end());
+      to.values.assign(from.values().begin(), from.values().end());
+    }
     return true;
   }
 };
+
+/// Reads all options of a table.
+template <class Of, class Message>
+Answer<Of> read_all(std::span<const OptionOf<Of>> table, const Message& message) {
+  Of options;
+  for (const OptionOf<Of>& option : table)
+    if (!std::visit(FromMessage<Of, Message>{message, field_of<Message>(option.name), options}, option.member)) {
+      // Of a field, only the enum inside it can be unknown.
+      const bool is_field = std::holds_alternative<TargetField Of::*>(option.member);
+      const std::string name = std::string(option.name) + (is_field ? ".per" : "");
+      return invalid_option(
+          "The option '" + name + "' has a value that this server does not know; GetServerInfo returns its version.",
+          {{"option", name}});
+    }
+  return options;
+}
 
 /// Writes one option; called with its member.
 struct ToMessage {
@@ -106,33 +127,26 @@ struct ToMessage {
 /// Whether an option of the energy is said, even with its default.
 bool names_energy(const v1::Options& message) {
   return std::ranges::any_of(option_table(), [&](const OptionInfo& option) {
-    return is_of_energy(option) && v1::Options::GetReflection()->HasField(message, &field_of(option));
+    return is_of_energy(option) && v1::Options::GetReflection()->HasField(message, &field_of<v1::Options>(option.name));
   });
 }
 
 }  // namespace
 
 Answer<Options> options_from(const v1::Options& message) {
-  Options options;
-  for (const OptionInfo& option : option_table())
-    if (!std::visit(FromMessage{message, field_of(option), options}, option.member)) {
-      // Of a field, only the enum inside it can be unknown.
-      const bool is_field = std::holds_alternative<TargetField Options::*>(option.member);
-      const std::string name = std::string(option.name) + (is_field ? ".per" : "");
-      return invalid_option(
-          "The option '" + name + "' has a value that this server does not know; GetServerInfo returns its version.",
-          {{"option", name}});
-    }
-  if (options.objective == Objective::Auto && names_energy(message)) options.objective = Objective::Energy;
+  auto options = read_all(option_table(), message);
+  if (options && options->objective == Objective::Auto && names_energy(message)) options->objective = Objective::Energy;
   return options;
 }
+
+Answer<GeometryOptions> options_from(const v1::Geometry& message) { return read_all(geometry_option_table(), message); }
 
 v1::Options to_proto(const Options& options) {
   v1::Options message;
   for (const OptionInfo& option : option_table()) {
     // To name an option of the energy would ask for the energy's optimum.
     if (options.objective == Objective::Auto && is_of_energy(option) && is_default(option, options)) continue;
-    std::visit(ToMessage{options, field_of(option), message}, option.member);
+    std::visit(ToMessage{options, field_of<v1::Options>(option.name), message}, option.member);
   }
   return message;
 }

@@ -105,7 +105,7 @@ class Conversation {
   }
 
   void send_geometry() {
-    if (!request_.geometry) return;
+    if (request_.cad_file == nullptr) return;
     worker::ToWorker message;
     const auto bytes = static_cast<std::int64_t>(request_.cad_file->bytes().size());
     message.mutable_geometry()->set_plugin(settings_.cad_plugin);
@@ -199,6 +199,8 @@ class Conversation {
       case worker::FromWorker::kNote:
         if (hooks_.on_note && notes_++ < kMostNotes) hooks_.on_note(as_plain_text(message.note()));
         return;
+      case worker::FromWorker::kSlideTrial:
+        return tell_trial(message.slide_trial());
       case worker::FromWorker::kReading:
         return admit_reading(message.reading().least(), message.reading().most());
       case worker::FromWorker::kRunning:
@@ -231,6 +233,11 @@ class Conversation {
       case worker::FromWorker::KIND_NOT_SET:
         throw ProcessLost{"sent a message that nobody expects"};
     }
+  }
+
+  void tell_trial(v1::SlideTrial trial) {
+    make_plain(trial);
+    if (hooks_.on_slide_trial && notes_++ < kMostNotes) hooks_.on_slide_trial(trial);
   }
 
   static Error error_from(const worker::Failure& failure) {
@@ -360,12 +367,6 @@ class Conversation {
   std::optional<Expected<RunOutcome>> outcome_;
 };
 
-tl::unexpected<Error> without_plugin() {
-  return bad_option(
-      "This server reads no CAD files, because it was installed without OpenCASCADE: libvarimesh_opencascade.so is "
-      "neither beside the program nor named by VARIMESH_OPENCASCADE. Slide the nodes before you upload the mesh.");
-}
-
 }  // namespace
 
 std::string find_worker() { return find_helper("varimesh_worker", "VARIMESH_WORKER"); }
@@ -376,14 +377,13 @@ Engine process_engine(ProcessEngineSettings settings) {
   Engine engine = core_engine();
   engine.check_geometry = [plugin = settings.cad_plugin](const v1::Geometry& geometry,
                                                          const Options& options) -> Expected<void> {
-    if (plugin.empty()) return without_plugin();
-    return check(geometry, options);
+    return plugin.empty() && !is_on_boundary(geometry) ? has_no_plugin() : check(geometry, options);
   };
   const auto workers = std::make_shared<Workers>(settings.program);
   engine.run = [settings = std::move(settings), workers](RunRequest request,
                                                          const RunHooks& hooks) -> Expected<RunOutcome> {
     // A server that shares its jobs with others may have the plugin when this one has not.
-    if (request.geometry && settings.cad_plugin.empty()) return without_plugin();
+    if (request.cad_file != nullptr && settings.cad_plugin.empty()) return has_no_plugin();
     try {
       return Conversation(settings, *workers, std::move(request), hooks).run();
     } catch (const ProcessLost& lost) {

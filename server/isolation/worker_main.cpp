@@ -28,6 +28,7 @@
 #include "core/geometry/load.h"
 #include "core/process/sandbox.h"
 #include "server/engine/engine.h"
+#include "server/engine/geometry_messages.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/channel.h"
@@ -186,6 +187,11 @@ RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, Kerne
     message.set_note(as_plain_text(sentence));
     server.say(message);
   };
+  hooks.on_slide_trial = [&](const v1::SlideTrial& trial) {
+    worker::FromWorker message;
+    *message.mutable_slide_trial() = trial;
+    server.say(message);
+  };
   hooks.control.meter = &meter;
   hooks.control.stop_asked = [&] { return server.stops(); };
   hooks.control.threads = [&] { return server.threads(); };
@@ -329,7 +335,8 @@ int serve() {
   const int mesh = channel.take_file();
   worker::GeometryFile cad;
   int cad_file = -1;
-  if (message.has_geometry()) {
+  const bool has_model = message.has_geometry() && !is_on_boundary(message.geometry());
+  if (has_model) {
     worker::ToWorker next;
     if (channel.receive(next, -1) != Channel::Got::Message || !next.has_geometry()) return 2;
     cad = next.geometry();
@@ -346,7 +353,7 @@ int serve() {
   limit_this_process(message.processor_seconds());
   // While this process can still start programs: one of them reads the CAD file, under limits of its own.
   Expected<geometry::CadModel> model;
-  if (message.has_geometry()) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
+  if (has_model) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
   worker::FromWorker started;
   started.mutable_started()->set_address_space(address_space());
   started.mutable_started()->set_is_filtered(use_only_open_files());
@@ -357,7 +364,7 @@ int serve() {
     ::_exit(0);
   }
   RunRequest request = request_from(message);
-  if (message.has_geometry()) request.model = std::make_shared<geometry::CadModel>(std::move(*model));
+  if (has_model) request.model = std::make_shared<geometry::CadModel>(std::move(*model));
   request.input = std::make_shared<MappedFile>(mesh, message.mesh_bytes());
   const MappedFile checkpoint(checkpoint_file, message.checkpoint_bytes());
   run(server, std::move(request), checkpoint.bytes());

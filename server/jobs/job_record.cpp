@@ -215,7 +215,7 @@ Claim claim_of(const JobRecord& record) {
 
 std::vector<std::string> inputs_of(const v1::JobSpec& spec) {
   std::vector<std::string> digests{spec.mesh().digest()};
-  if (spec.has_geometry()) digests.push_back(spec.geometry().digest());
+  if (!spec.geometry().digest().empty()) digests.push_back(spec.geometry().digest());
   return digests;
 }
 

@@ -44,6 +44,12 @@ class Progress {
     attempt_.log.append(std::move(event));
   }
 
+  void note(const v1::SlideTrial& trial) {
+    v1::JobEvent event = event_at(attempt_.clock());
+    *event.mutable_slide_trial() = trial;
+    attempt_.log.append(std::move(event));
+  }
+
   void note(const std::string& sentence) {
     v1::JobEvent event = event_at(attempt_.clock());
     event.mutable_log()->set_text(as_plain_text(sentence));
@@ -248,7 +254,7 @@ RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input,
 /// Returns the CAD file of the job; null if it has none.
 Answer<std::shared_ptr<const Blob>> geometry_of(const Attempt& attempt) {
   const v1::JobSpec& spec = attempt.claim.spec;
-  if (!spec.has_geometry()) return std::shared_ptr<const Blob>();
+  if (spec.geometry().digest().empty()) return std::shared_ptr<const Blob>();
   return attempt.meshes.open(spec.geometry().digest());
 }
 
@@ -293,6 +299,7 @@ Ending run(const Attempt& attempt) {
                                                                                       : Control::Continue;
   };
   hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
+  hooks.on_slide_trial = [&](const v1::SlideTrial& trial) { progress.note(trial); };
   hooks.control.stop_asked = [&] { return stop_at_once() || (!can_be_saved && attempt.stopping()); };
   hooks.control.threads = attempt.threads.now;
   hooks.control.checkpoint_due = [&](const Iteration& iteration) { return checkpoints.due(iteration.number); };

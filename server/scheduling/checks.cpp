@@ -3,6 +3,7 @@
 
 #include "core/base/sha256.h"
 #include "core/formats/formats.h"
+#include "server/engine/geometry_messages.h"
 #include "server/engine/translate.h"
 #include "server/jobs/job_record.h"
 #include "server/refusals.h"
@@ -64,13 +65,10 @@ bool Scheduler::takes_geometries() const {
 
 Answer<void> Scheduler::check_geometry(const v1::JobSpec& spec, const Options& options) {
   if (!spec.has_geometry()) return {};
-  if (!is_sha256(spec.geometry().digest()))
+  if (!is_on_boundary(spec.geometry()) && !is_sha256(spec.geometry().digest()))
     return bad_request("The spec must name its geometry by SHA-256: 64 lowercase hexadecimal digits.");
   if (spec.has_quality()) return bad_request("A job that judges a mesh moves nothing, so it can have no geometry.");
-  if (!engine_.check_geometry)
-    return invalid_option(
-        "This server takes no geometries, because it runs jobs in its own process, which a damaged CAD file could "
-        "crash; start it so that it runs them in processes of their own (the default of varimeshd).");
+  if (!engine_.check_geometry) return invalid_option(takes_no_models().value().sentence);
   if (const auto accepted = engine_.check_geometry(spec.geometry(), options); !accepted)
     return invalid_option(accepted.error().sentence);
   return {};

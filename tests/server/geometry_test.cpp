@@ -96,6 +96,27 @@ TEST(Geometry, IsRefusedByAServerThatCannotReadIt) {
                   "installed without OpenCASCADE"));
 }
 
+TEST(Geometry, MayBeTheOwnBoundaryOnEveryServer) {
+  std::string digest;
+  for (const bool in_processes : {false, true}) {
+    const Service service(in_processes ? process_engine({.program = find_worker(), .cad_plugin = ""}) : core_engine());
+    v1::JobSpec spec = service.spec_for(content_of("bracket_p3.msh"));
+    spec.mutable_geometry()->set_slide_on(v1::Geometry::SLIDE_ON_BOUNDARY);
+    spec.mutable_geometry()->set_snap(true);
+    EXPECT_TRUE(has(refusal_of(service, spec).error_message(), "slide_on is boundary"));
+    spec.mutable_geometry()->set_snap(false);
+    const v1::Job job = service.wait_for(service.submit(spec).name());
+    ASSERT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.error().message();
+    EXPECT_FALSE(job.metrics().has_geometry());
+    // The mesh is optimised with its boundary as it came too, and the slid one is better.
+    ASSERT_EQ(job.metrics().slide_trials_size(), 1);
+    EXPECT_EQ(job.metrics().slide_trials(0).slide(), v1::SlideTrial::SLIDE_NONE);
+    EXPECT_EQ(job.metrics().slide_trials(0).outcome(), v1::SlideTrial::OUTCOME_NO_BETTER);
+    if (in_processes) EXPECT_EQ(job.results(0).digest(), digest);
+    digest = job.results(0).digest();
+  }
+}
+
 /// A server that reads CAD files in processes.
 class CadJobs : public ::testing::Test {
  protected:

@@ -44,6 +44,7 @@ from .reports import (
     Remedy,
     RepairStep,
     ServerInfo,
+    SlideTrial,
     SurfaceDistance,
     Unrepairable,
     WhatIsLeft,
@@ -55,7 +56,7 @@ from .version import __version__
 __all__ = [
     "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Geometry", "GeometryReport", "Iteration", "Job",
     "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
-    "Remedy", "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "SurfaceDistance", "TargetField", "Unrepairable", "VarimeshError",
+    "Remedy", "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "SlideTrial", "Stopped", "SurfaceDistance", "TargetField", "Unrepairable", "VarimeshError",
     "WhatIsLeft", "Work", "__version__",
     "from_gmsh", "from_meshio", "from_pyvista", "local", "optimise", "optimize", "quality", "to_meshio", "update_gmsh",
 ]  # fmt: skip

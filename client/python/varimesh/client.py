@@ -217,6 +217,8 @@ class Client:
     def _upload_geometry(self, geometry: Geometry | Path) -> job_pb2.Geometry:
         geometry = geometry if isinstance(geometry, Geometry) else Geometry(geometry)
         message = geometry.to_message()
+        if geometry.file is None:
+            return message
         if not self.info().takes_geometries:  # an old server would leave the geometry out without a word
             raise BadOption("This server takes no geometries: it has no OpenCASCADE, runs jobs in its own process, or is older "
                             "than they are. Use another one, or let 'varimesh optimise --geometry' slide the nodes.")  # fmt: skip

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, TypedDict
 
 import numpy as np
@@ -26,23 +26,24 @@ class TargetField:
 
 @dataclass(frozen=True)
 class Geometry:
-    """The CAD model on which boundary nodes slide, in a STEP, IGES or BREP file. docs/geometry.md describes the flags of the
-    command, which have the same names."""
+    """What boundary nodes slide on: the CAD model in a STEP, IGES or BREP file, or, with slide_on="boundary" and without a
+    file, the mesh's own curved boundary. docs/geometry.md describes the flags of the command, which have the same names."""
 
-    file: str | os.PathLike[str]
-    slide: Literal["none", "surfaces", "all", "coupled"] = "all"
+    file: str | os.PathLike[str] | None = None
+    slide: Literal["none", "surfaces", "all", "coupled", "auto"] = "auto"
     snap: bool = False
     smooth_angle: float = 0.0
     tolerance: float = 0.0  #: that of --geometry-tolerance, only with slide="coupled"
+    slide_on: Literal["model", "boundary"] = "model"
+    order: int = 0  #: if set, the mesh is of order 1, and is first curved with this order, as by 'varimesh curve'
 
     def to_message(self) -> job_pb2.Geometry:
         """The message without the digest of the file. BadOption names a value that does not exist."""
-        known = spellings(job_pb2.Geometry.Slide.DESCRIPTOR)
-        if self.slide not in known:
-            raise BadOption(f"slide cannot be {self.slide!r}; {suggestion(str(self.slide), known)}")
-        slide = job_pb2.Geometry.Slide.Name(known[self.slide])
-        return job_pb2.Geometry(slide=slide, snap=self.snap, smooth_angle=self.smooth_angle,
-                                tolerance=self.tolerance)
+        message = job_pb2.Geometry()
+        for field in fields(self):
+            if field.name != "file":
+                _set(message, field.name, getattr(self, field.name))
+        return message
 
 
 class Options(TypedDict, total=False):
@@ -115,30 +116,35 @@ def numbered_from_one(options: Mapping[str, Any]) -> dict[str, Any]:
     return shifted
 
 
+def _set(message: Any, name: str, value: Any) -> None:
+    """Sets the field of an option. BadOption names an option or a value that does not exist."""
+    known_fields = message.DESCRIPTOR.fields_by_name
+    field = known_fields.get(name.removesuffix("_"))
+    if field is None:
+        raise BadOption(f"There is no option '{name}'; {suggestion(name, known_fields)}")
+    if value is None:
+        return
+    try:
+        if field.enum_type is not None:
+            known = spellings(field.enum_type)
+            if value not in known:
+                raise BadOption(f"{name} cannot be {value!r}; {suggestion(str(value), known)}")
+            setattr(message, field.name, known[value])
+        elif field.message_type is not None:
+            _set_target_field(message.target_field, value)
+        elif field.label == field.LABEL_REPEATED:
+            getattr(message, field.name).extend(_as_list(value))
+        else:
+            setattr(message, field.name, value.item() if hasattr(value, "item") else value)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, BadOption):
+            raise
+        raise BadOption(f"{name} cannot be {value!r} ({error}).") from None
+
+
 def to_message(options: Mapping[str, Any]) -> optimise_pb2.Options:
     """The options as a message. None means the default. BadOption names an option or a value that does not exist."""
     message = optimise_pb2.Options()
-    fields = message.DESCRIPTOR.fields_by_name
     for name, value in options.items():
-        field = fields.get(name.removesuffix("_"))
-        if field is None:
-            raise BadOption(f"There is no option '{name}'; {suggestion(name, fields)}")
-        if value is None:
-            continue
-        try:
-            if field.enum_type is not None:
-                known = spellings(field.enum_type)
-                if value not in known:
-                    raise BadOption(f"{name} cannot be {value!r}; {suggestion(str(value), known)}")
-                setattr(message, field.name, known[value])
-            elif field.message_type is not None:
-                _set_target_field(message.target_field, value)
-            elif field.label == field.LABEL_REPEATED:
-                getattr(message, field.name).extend(_as_list(value))
-            else:
-                setattr(message, field.name, value.item() if hasattr(value, "item") else value)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, BadOption):
-                raise
-            raise BadOption(f"{name} cannot be {value!r} ({error}).") from None
+        _set(message, name, value)
     return message

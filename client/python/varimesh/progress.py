@@ -38,6 +38,9 @@ class Progress:
             self._line(event.state)
         elif event.log is not None:
             self._line(event.log)
+        elif event.slide_trial is not None:
+            trial = event.slide_trial
+            self._line(f"slide {trial.slide}: {trial.outcome}")
 
     def _line(self, text: str) -> None:
         if self._open:

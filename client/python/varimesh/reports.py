@@ -138,6 +138,19 @@ class GeometryReport:
 
 
 @dataclass(frozen=True)
+class SlideTrial:
+    """Another way to slide than the first of a job. The result of the job is the best mesh."""
+
+    slide: str  # none or coupled
+    outcome: str  # running, taken, no-better, failed or stopped
+    left_before: int  # elements of the best mesh before that are not certified valid
+    min_scaled_jacobian_before: float
+    left: int  # the same of the mesh of the trial, if it is taken or no better
+    min_scaled_jacobian: float
+    error: str  # if it failed: why
+
+
+@dataclass(frozen=True)
 class Metrics:
     """The result of a job in figures."""
 
@@ -160,7 +173,8 @@ class Metrics:
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
     notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
     objective: str  # that of the run, never auto
-    geometry: GeometryReport | None = None  # only if the job has a geometry; `before` is then the mesh that has slid
+    geometry: GeometryReport | None = None  # only if the job has a CAD model; `before` is then the mesh that has slid
+    slide_trials: tuple[SlideTrial, ...] = ()  # the other ways to slide that were tried, in order
 
     @property
     def remedies(self) -> tuple[str, ...]:
@@ -199,8 +213,9 @@ class Work:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened to a job. One of state, iteration, quality (with stage), log and work is set. `work` comes
-    at most ten times per second and is not kept. None is set in a bookmark, which only shows that the server is alive."""
+    """One thing that happened to a job. One of state, iteration, quality (with stage), log, slide_trial and work is set.
+    `work` comes at most ten times per second and is not kept. None is set in a bookmark, which only shows that the server
+    is alive."""
 
     sequence: int
     attempt: int
@@ -212,6 +227,7 @@ class Event:
     quality: Quality | None = None
     log: str | None = None
     work: Work | None = None
+    slide_trial: SlideTrial | None = None  # another way to slide begins or has ended
 
 
 @dataclass(frozen=True)
@@ -291,6 +307,12 @@ def geometry_report_of(message: optimise_pb2.GeometryReport, numbering: Numberin
         tuple(surface_distance_of(one) for one in message.surfaces))  # fmt: skip
 
 
+def slide_trial_of(message: optimise_pb2.SlideTrial) -> SlideTrial:
+    return SlideTrial(spelled(optimise_pb2.SlideTrial.Slide.DESCRIPTOR, message.slide),
+                      spelled(optimise_pb2.SlideTrial.Outcome.DESCRIPTOR, message.outcome), message.left_before,
+                      message.min_scaled_jacobian_before, message.left, message.min_scaled_jacobian, message.error)  # fmt: skip
+
+
 def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -> Metrics:
     return Metrics(
         message.mesh.elements, message.mesh.nodes, message.mesh.free_nodes,
@@ -307,7 +329,8 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         numbering.sentence(message.kept_as_it_came), numbering.numbers(message.substitute_targets.elements),
         tuple(numbering.sentence(note) for note in message.notes),
         spelled(optimise_pb2.Objective.DESCRIPTOR, message.objective),
-        geometry_report_of(message.geometry, numbering) if message.HasField("geometry") else None)  # fmt: skip
+        geometry_report_of(message.geometry, numbering) if message.HasField("geometry") else None,
+        tuple(slide_trial_of(one) for one in message.slide_trials))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
@@ -336,6 +359,8 @@ def event_of(message: job_pb2.JobEvent, numbering: Numbering = OF_FILES) -> Even
         what["quality"] = quality_of(message.quality.report, numbering)
     elif kind == "log":
         what["log"] = message.log.text
+    elif kind == "slide_trial":
+        what["slide_trial"] = slide_trial_of(message.slide_trial)
     elif kind == "bookmark" and message.bookmark.HasField("work"):
         work = message.bookmark.work
         groups = work.groups_left if work.HasField("groups_left") else None

@@ -54,7 +54,7 @@ Expected<SlidAndMeasured> slide_and_measure(HighOrderMesh& mesh, const GeometryO
   std::optional<std::ptrdiff_t> came;
   change_places();
   try {
-    const double joined = options.slide == "none" || curves ? 0 : options.smooth_angle;
+    const double joined = options.slide == SlideOn::None || curves ? 0 : options.smooth_angle;
     team.run([&] { measured = boundary_distances(mesh, coordinates, model, joined, team); });
     if (measured) result.distances = std::move(*measured);
     if (says_what_came) team.run([&] { came = uncertified(mesh, team); });

@@ -1,4 +1,4 @@
-// Slides boundary nodes on a CAD model and measures each boundary element before and after. Internal to the library.
+// Slides boundary nodes on a CAD model and measures each boundary element before and after.
 #pragma once
 
 #include <optional>

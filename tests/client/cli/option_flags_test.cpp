@@ -27,6 +27,20 @@ TEST(OptionFlags, ThereIsOneForEachOptionOfTheTableAndNoOther) {
   EXPECT_EQ(app.get_options().size(), option_table().size() + 1);  // and --help
 }
 
+TEST(OptionFlags, ThereIsOneForEachOptionOfAGeometryButTheOrder) {
+  CLI::App app;
+  v1::Geometry geometry;
+  add_geometry_options(app, &geometry, true);
+  for (const GeometryOption& option : geometry_option_table())
+    EXPECT_EQ(app.get_option_no_throw(flag_of(option)) == nullptr, option.name == "order") << option.name;
+  app.parse("--slide coupled --geometry-tolerance 0.5 --snap --slide-on boundary");
+  EXPECT_EQ(geometry.slide(), v1::Geometry::SLIDE_COUPLED);
+  EXPECT_EQ(geometry.tolerance(), 0.5);
+  EXPECT_TRUE(geometry.snap());
+  EXPECT_EQ(geometry.slide_on(), v1::Geometry::SLIDE_ON_BOUNDARY);
+  EXPECT_EQ(geometry.smooth_angle(), 0);
+}
+
 TEST(OptionFlags, SetOnlyTheFieldsThatAreGiven) {
   CLI::App app;
   v1::Options options;

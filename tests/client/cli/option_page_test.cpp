@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "client/cli/names.h"
+#include "client/cli/option_flags.h"
 #include "core/options/option_table.h"
 
 namespace varimesh::client {
@@ -20,22 +21,33 @@ std::string row_of(const std::string& flag) {
   return {};
 }
 
-TEST(OptionPage, HasARowForEachOptionOfTheTable) {
-  for (const OptionInfo& option : option_table())
-    EXPECT_NE(row_of("--" + dashed(std::string(option.name))), "") << option.name;
+template <class Of>
+void expect_rows(std::span<const OptionOf<Of>> table) {
+  for (const OptionOf<Of>& option : table) EXPECT_NE(row_of(flag_of(option)), "") << option.name;
 }
 
-TEST(OptionPage, NamesEveryWordAndTheDefaultOfAChoice) {
-  for (const OptionInfo& option : option_table()) {
-    const auto* choice = std::get_if<ChoiceMember>(&option.member);
+TEST(OptionPage, HasARowForEachOptionOfTheTables) {
+  expect_rows(option_table());
+  expect_rows(geometry_option_table());
+}
+
+template <class Of>
+void expect_words(std::span<const OptionOf<Of>> table) {
+  for (const OptionOf<Of>& option : table) {
+    const auto* choice = std::get_if<ChoiceOf<Of>>(&option.member);
     if (choice == nullptr) continue;
-    std::istringstream cells(row_of("--" + dashed(std::string(option.name))));
+    std::istringstream cells(row_of(flag_of(option)));
     std::string flag, values, usual;
     for (std::string* cell : {&flag, &flag, &values, &usual}) std::getline(cells, *cell, '|');
     for (const std::string_view word : choice->words)
       EXPECT_NE(values.find("`" + std::string(word) + "`"), std::string::npos) << option.name << ' ' << word;
     EXPECT_EQ(usual, " `" + default_text(option) + "` ") << option.name;
   }
+}
+
+TEST(OptionPage, NamesEveryWordAndTheDefaultOfAChoice) {
+  expect_words(option_table());
+  expect_words(geometry_option_table());
 }
 
 TEST(OptionPage, NamesTheDefaultOfANumberUnlessItMeansNone) {

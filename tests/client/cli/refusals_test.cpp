@@ -42,9 +42,10 @@ TEST(Refusals, SayWhatIsMissing) {
 
 TEST(Refusals, SuggestAWordOrListAll) {
   EXPECT_EQ(refusal("optimise a.msh -o b.msh --geometry c.step --slide surface"),
-            "--slide: there is no 'surface'; did you mean 'surfaces'? The choices are none, surfaces, all, coupled.");
+            "--slide: there is no 'surface'; did you mean 'surfaces'? The choices are none, surfaces, all, coupled, "
+            "auto.");
   EXPECT_EQ(refusal("optimise a.msh -o b.msh --geometry c.step --slide everything"),
-            "--slide: there is no 'everything'; choose one of none, surfaces, all, coupled.");
+            "--slide: there is no 'everything'; choose one of none, surfaces, all, coupled, auto.");
 }
 
 TEST(Refusals, NameStandardInput) {

@@ -8,7 +8,7 @@ support.need()
 import numpy as np
 import varimesh
 from varimesh import mesh, names, options, wire
-from varimesh.v1 import mesh_pb2, optimise_pb2
+from varimesh.v1 import job_pb2, mesh_pb2, optimise_pb2
 
 SQUARE = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 TWO = {"triangle": [[0, 1, 2], [1, 3, 2]]}
@@ -77,6 +77,16 @@ class Options(unittest.TestCase):
             enum = fields[name.rstrip("_")].enum_type
             if enum is not None:
                 self.assertEqual(set(typing.get_args(kind)), set(names.spellings(enum)), name)
+
+    def test_those_of_a_geometry_are_those_of_its_message(self):
+        hints = typing.get_type_hints(options.Geometry)
+        fields = job_pb2.Geometry.DESCRIPTOR.fields_by_name
+        self.assertEqual(set(hints) - {"file"}, set(fields) - {"digest"})
+        for name, field in fields.items():
+            if field.enum_type is not None:
+                self.assertEqual(set(typing.get_args(hints[name])), set(names.spellings(field.enum_type)), name)
+        sent = options.Geometry("part.step", slide="coupled", tolerance=0.5, order=3).to_message()
+        self.assertEqual((sent.slide, sent.tolerance, sent.order), (job_pb2.Geometry.SLIDE_COUPLED, 0.5, 3))
 
     def test_are_converted_to_the_message(self):
         message = options.to_message({"energy": "linear-elastic", "lambda_": 2, "fix": "wall", "fix_nodes": np.array([3]),

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 namespace varimesh {
@@ -56,12 +57,57 @@ TEST(OptionTable, SetsTheFieldThatItNames) {
 }
 
 TEST(OptionTable, HelpsInOneSentenceWithoutAFullStop) {
-  for (const OptionInfo& info : option_table()) {
-    EXPECT_GT(info.help.size(), 10u) << info.name;
-    EXPECT_FALSE(info.help.ends_with('.')) << info.name;
-    EXPECT_EQ(is_number(info), !info.values.empty())
-        << info.name << ": numbers have their range in words, and only numbers";
-  }
+  const auto check = [](const auto& table) {
+    for (const auto& info : table) {
+      EXPECT_GT(info.help.size(), 10u) << info.name;
+      EXPECT_FALSE(info.help.ends_with('.')) << info.name;
+      EXPECT_EQ(is_number(info), !info.values.empty())
+          << info.name << ": numbers have their range in words, and only numbers";
+    }
+  };
+  check(option_table());
+  check(geometry_option_table());
+}
+
+TEST(GeometryOptionTable, HasTheDefaultsAndWordsOfTheStruct) {
+  for (const auto& [name, usual] : {std::pair{"slide", "auto"}, std::pair{"slide_on", "model"},
+                                    std::pair{"tolerance", "0"}, std::pair{"snap", "off"}})
+    EXPECT_EQ(std::ranges::count_if(
+                  geometry_option_table(),
+                  [&](const GeometryOption& option) { return option.name == name && default_text(option) == usual; }),
+              1)
+        << name;
+  for (const GeometryOption& option : geometry_option_table())
+    if (const auto* member = std::get_if<ChoiceOf<GeometryOptions>>(&option.member)) {
+      GeometryOptions options;
+      for (int word = 0; word < static_cast<int>(member->words.size()); ++word) {
+        member->set(options, word);
+        EXPECT_EQ(member->get(options), word) << option.name;
+      }
+    }
+}
+
+TEST(GeometryOptions, AreRefusedOutOfTheirRangeOrIfTheyDoNotGoTogether) {
+  EXPECT_TRUE(check(GeometryOptions()));
+  const auto refused = [](auto set) {
+    GeometryOptions options;
+    set(options);
+    const auto fine = check(options);
+    EXPECT_FALSE(fine);
+    return fine ? std::string() : fine.error().sentence;
+  };
+  EXPECT_EQ(refused([](auto& o) { o.smooth_angle = 46; }), "smooth_angle is 46; give degrees from 0 to 45.");
+  EXPECT_NE(refused([](auto& o) { o.tolerance = -1; }).find("tolerance is -1"), std::string::npos);
+  EXPECT_NE(refused([](auto& o) { o.tolerance = 1; }).find("only with slide coupled"), std::string::npos);
+  EXPECT_NE(refused([](auto& o) { o.order = 11; }).find("order is 11"), std::string::npos);
+  for (const auto set : {+[](GeometryOptions& o) { o.file = "part.step"; }, +[](GeometryOptions& o) { o.order = 3; },
+                         +[](GeometryOptions& o) { o.snap = true; }, +[](GeometryOptions& o) { o.smooth_angle = 5; },
+                         +[](GeometryOptions& o) { o.slide = SlideOn::Coupled; }})
+    EXPECT_NE(refused([&](auto& o) {
+                o.slide_on = GeometrySource::Boundary;
+                set(o);
+              }).find("boundary"),
+              std::string::npos);
 }
 
 }  // namespace

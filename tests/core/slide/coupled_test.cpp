@@ -17,7 +17,7 @@ using testing::solid_cylinder;
 
 GeometryOptions coupled() {
   GeometryOptions options;
-  options.slide = "coupled";
+  options.slide = SlideOn::Coupled;
   return options;
 }
 
@@ -141,13 +141,13 @@ TEST(Coupled, RefusesWhatDoesNotGoTogether) {
     return slid ? std::string() : slid.error().sentence;
   };
   GeometryOptions options = coupled();
-  options.on_boundary = true;
+  options.slide_on = GeometrySource::Boundary;
   EXPECT_NE(sentence(options).find("needs a model"), std::string::npos);
-  options.on_boundary = false;
+  options.slide_on = GeometrySource::Model;
   options.tolerance = -1;
-  EXPECT_NE(sentence(options).find("must be a length"), std::string::npos);
+  EXPECT_NE(sentence(options).find("give a length"), std::string::npos);
   options.tolerance = 0.1;
-  options.slide = "all";
+  options.slide = SlideOn::All;
   EXPECT_NE(sentence(options).find("goes only with"), std::string::npos);
 }
 

@@ -301,7 +301,7 @@ TEST(SlideOnBoundary, HasTheSameBitsForAnyNumberOfThreads) {
 TEST(SlideOnFile, TakesTheBoundaryWithoutAFileAndNotWithOne) {
   HighOrderMesh mesh = read_case("sphere_p3.msh");
   GeometryOptions options;
-  options.on_boundary = true;
+  options.slide_on = GeometrySource::Boundary;
   const auto sentences = slide_on_file(mesh, options);
   ASSERT_TRUE(sentences) << sentences.error().sentence;
   EXPECT_NE(sentences->front().find("7 surfaces, 12 curves and 8 vertices"), std::string::npos);
@@ -340,13 +340,6 @@ TEST(SlideOnModel, LeavesTheMeshAsItCameIfItIsToStop) {
   ASSERT_TRUE(slides(std::numeric_limits<int>::max()));
   const int of_three = looks;
   for (int part = 0; part < 20; ++part) EXPECT_FALSE(slides(part * of_three / 21)) << part;
-}
-
-TEST(SlideOnFromName, ListsTheWords) {
-  EXPECT_EQ(*slide_on_from_name("surfaces"), SlideOn::Surfaces);
-  const auto wrong = slide_on_from_name("curves");
-  ASSERT_FALSE(wrong);
-  EXPECT_EQ(wrong.error().kind, Error::Kind::BadOption);
 }
 
 }  // namespace

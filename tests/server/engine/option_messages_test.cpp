@@ -42,6 +42,47 @@ TEST(OptionMessages, HaveTheWordsOfEachChoiceInTheSameOrder) {
   }
 }
 
+TEST(OptionMessages, HaveTheFieldsAndWordsOfAGeometry) {
+  const auto* message = v1::Geometry::descriptor();
+  for (const GeometryOption& option : geometry_option_table()) {
+    const auto* field = message->FindFieldByName(std::string(option.name));
+    ASSERT_NE(field, nullptr) << option.name;
+    const auto* choice = std::get_if<ChoiceOf<GeometryOptions>>(&option.member);
+    if (choice == nullptr) continue;
+    ASSERT_EQ(static_cast<std::size_t>(field->enum_type()->value_count()), choice->words.size() + 1) << option.name;
+    for (int i = 1; i < field->enum_type()->value_count(); ++i)
+      EXPECT_TRUE(field->enum_type()->FindValueByNumber(i)->name().ends_with(
+          testing::internal::ToUpper(std::string(choice->words[static_cast<std::size_t>(i) - 1]))))
+          << option.name;
+  }
+  // Beside the options there is only the digest.
+  EXPECT_EQ(static_cast<std::size_t>(message->field_count()), geometry_option_table().size() + 1);
+}
+
+TEST(OptionMessages, BringAGeometryThrough) {
+  const auto defaults = options_from(v1::Geometry());
+  ASSERT_TRUE(defaults);
+  EXPECT_EQ(defaults->slide, SlideOn::Auto);
+  EXPECT_EQ(defaults->slide_on, GeometrySource::Model);
+  v1::Geometry message;
+  message.set_slide(v1::Geometry::SLIDE_COUPLED);
+  message.set_slide_on(v1::Geometry::SLIDE_ON_BOUNDARY);
+  message.set_tolerance(0.25);
+  message.set_smooth_angle(5);
+  message.set_snap(true);
+  message.set_order(3);
+  const auto options = options_from(message);
+  ASSERT_TRUE(options);
+  EXPECT_EQ(options->slide, SlideOn::Coupled);
+  EXPECT_TRUE(options->on_boundary());
+  EXPECT_EQ(options->tolerance, 0.25);
+  EXPECT_EQ(options->smooth_angle, 5);
+  EXPECT_TRUE(options->snap);
+  EXPECT_EQ(options->order, 3);
+  message.set_slide(static_cast<v1::Geometry::Slide>(99));
+  EXPECT_EQ(options_from(message).error().metadata.at("option"), "slide");
+}
+
 TEST(OptionMessages, LeaveTheDefaultsOfTheLibraryWhereNothingIsSaid) {
   const auto options = options_from(v1::Options());
   ASSERT_TRUE(options);

@@ -132,7 +132,7 @@ TEST(SlideAndMeasure, SlidesToTheSameBitsAndSaysWhereTheBoundaryIsFarthest) {
 TEST(SlideAndMeasure, MeasuresTheSameBeforeAndAfterIfNothingSlides) {
   HighOrderMesh mesh = torus_mesh();
   GeometryOptions options;
-  options.slide = "none";
+  options.slide = SlideOn::None;
   const auto measured = slide_and_measure(mesh, options, torus());
   ASSERT_TRUE(measured && measured->distances);
   EXPECT_EQ(measured->distances->after, measured->distances->before);

@@ -1,0 +1,35 @@
+// The checkpoints of several runs on one mesh, of which each may begin with other places of its nodes. Internal to
+// core/optimise.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/optimise/run_control.h"
+
+namespace varimesh {
+
+/// A checkpoint has the last checkpoint of each run that is finished, and that of the run under way. What went on from
+/// it makes the same runs again: those that were finished go on from their last checkpoints.
+class CheckpointsOfRuns {
+ public:
+  /// `asked` is what the caller asks for; it must outlive the object. A checkpoint that is not of this kind is ignored.
+  explicit CheckpointsOfRuns(const RunControl& asked);
+
+  /// What the next run is asked.
+  /// @param numbered  the run's iteration as the caller sees it
+  /// @param is_same   whether the run has the mesh that it had when a checkpoint was made
+  RunControl control_of_next(std::function<Iteration(Iteration)> numbered, bool is_same);
+
+ private:
+  void read(std::string_view checkpoint);
+  bool write(const CheckpointSink& sink, const WriteCheckpoint& write_run);
+
+  const RunControl& asked_;
+  std::vector<std::string_view> restored_;  ///< By run; they are parts of asked_.checkpoint.
+  std::vector<std::string> last_;           ///< By run; the last one is under way. Empty: it has no checkpoint yet.
+};
+
+}  // namespace varimesh

@@ -1,0 +1,221 @@
+#include "core/optimise/on_geometry/optimise_on_geometry.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/base/stop_token.h"
+#include "core/base/stopwatch.h"
+#include "core/geometry/load.h"
+#include "core/merit/merit.h"
+#include "core/merit/thresholds.h"
+#include "core/mesh/mesh_counts.h"
+#include "core/optimise/memory.h"
+#include "core/optimise/on_geometry/checkpoints_of_runs.h"
+
+namespace varimesh {
+namespace {
+
+/// Of the time that is left: what a run takes at most if another may follow.
+constexpr double kMostShare = 0.75;
+/// Of the time of a run: what the optimisation gets at least after sliding.
+constexpr double kLeastShare = 0.5;
+/// A limit of time that is over. 0 would mean no limit.
+constexpr double kNoTime = 1e-9;
+
+std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
+double smallest(const Result& result) { return merit_of(result.after).smallest; }
+bool is_weak(const Result& result) { return left(result) > 0 || smallest(result) < threshold::kWeak; }
+
+/// The runs on one mesh. What the constructor takes must outlive the object.
+class Runs {
+ public:
+  Runs(HighOrderMesh mesh, const Options& options, const GeometryOptions& geometry, const geometry::Geometry* model,
+       const OnIteration& on_iteration, const RunControl& control, const OnGeometryHooks& hooks)
+      : mesh_(std::move(mesh)),
+        options_(options),
+        geometry_(geometry),
+        model_(model),
+        on_iteration_(on_iteration),
+        control_(control),
+        hooks_(hooks),
+        checkpoints_(control) {
+    geometry_.fix = options.fix;
+  }
+
+  Expected<ResultOnGeometry> run() {
+    const bool is_only_run = geometry_.slide == SlideOn::None;
+    auto first = run(geometry_.slide, is_only_run ? 1 : kMostShare);
+    if (!first) return tl::unexpected(first.error());
+    best_.result = std::move(first->result);
+    best_.slid = std::move(first->slid);
+    is_first_ = false;
+    if (!is_only_run) try_others();
+    best_.result.stopped = best_.result.stopped || is_stopped_;
+    return std::move(best_);
+  }
+
+ private:
+  struct Run {
+    Result result;
+    std::optional<SlidAndMeasured> slid;
+  };
+
+  void try_others() {
+    if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
+    if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto)
+      try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
+    if (left(best_.result) > 0) try_other(SlideOn::None, {}, 1);
+  }
+
+  /// Takes another run if it is better.
+  void try_other(SlideOn slide, const Asked& asked, double share) {
+    const bool is_over = options_.time_limit > 0 && spent_ >= options_.time_limit;
+    if (is_over || best_.result.stopped || is_stopped_ || (control_.stop_asked && control_.stop_asked())) return;
+    SlideTrial trial;
+    trial.slide = slide;
+    trial.left_before = left(best_.result);
+    trial.min_scaled_jacobian_before = smallest(best_.result);
+    tell(trial);
+    auto other = run(slide, share);
+    judge(other, asked, trial);
+    tell(trial);
+    if (trial.outcome == SlideTrial::Outcome::Taken) {
+      tell_sentences(other->slid, best_.slid);
+      best_.result = std::move(other->result);
+      best_.slid = std::move(other->slid);
+    }
+    best_.trials.push_back(std::move(trial));
+  }
+
+  void judge(const Expected<Run>& other, const Asked& asked, SlideTrial& trial) {
+    if (!other) {
+      trial.outcome = SlideTrial::Outcome::Failed;
+      trial.error = other.error().sentence;
+      return;
+    }
+    if (other->result.stopped) {
+      trial.outcome = SlideTrial::Outcome::Stopped;
+      is_stopped_ = true;
+      return;
+    }
+    trial.left = left(other->result);
+    trial.min_scaled_jacobian = smallest(other->result);
+    trial.outcome = is_better(merit_of(other->result.after), merit_of(best_.result.after), asked)
+                        ? SlideTrial::Outcome::Taken
+                        : SlideTrial::Outcome::NoBetter;
+  }
+
+  /// Slides in this way and optimises the mesh.
+  /// @param share  of the time that is left
+  Expected<Run> run(SlideOn slide, double share) {
+    Options options = options_;
+    if (options.time_limit > 0) options.time_limit = std::max(kNoTime, share * (options.time_limit - spent_));
+    HighOrderMesh mesh = mesh_;
+    const bool slides = slide != SlideOn::None || !geometry_.on_boundary();
+    Run run;
+    const Stopwatch watch;
+    if (slides) {
+      auto slid = slide_nodes(mesh, slide, options.time_limit);
+      if (!slid) return tl::unexpected(slid.error());
+      run.slid = std::move(*slid);
+      if (is_first_) tell_sentences(run.slid, std::nullopt);
+    }
+    const double seconds = watch.seconds();
+    if (options.time_limit > 0)
+      options.time_limit = std::max(kLeastShare * options.time_limit, options.time_limit - seconds);
+    const auto numbered = [before = iterations_, begun = spent_](Iteration iteration) {
+      iteration.number += before;
+      iteration.seconds += begun;
+      return iteration;
+    };
+    const OnIteration pass_on = [&](const Iteration& own) {
+      return on_iteration_ ? on_iteration_(numbered(own)) : Control::Continue;
+    };
+    auto result =
+        optimise(std::move(mesh), options, pass_on, checkpoints_.control_of_next(numbered, !slides || run.slid));
+    if (!result) return tl::unexpected(result.error());
+    spent_ += seconds + result->seconds;
+    iterations_ += result->iterations;
+    run.result = std::move(*result);
+    return run;
+  }
+
+  /// Nothing if sliding was stopped. The mesh is then as it came, and a sentence says so.
+  Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit) {
+    StopToken stop(control_.stop_asked);
+    // A mesh that is not curved yet is no result.
+    if (limit > 0 && geometry_.order == 0) stop.stop_after(limit);
+    GeometryOptions geometry = geometry_;
+    geometry.slide = slide;
+    geometry.coupled_seconds = limit / 2;
+    const auto& threads = hooks_.threads_to_slide ? hooks_.threads_to_slide : control_.threads;
+    geometry.threads = threads ? threads() : options_.threads;
+    geometry.stop = &stop;
+    try {
+      if (model_ != nullptr) return slide_and_measure(mesh, geometry, *model_);
+      return slide_on_boundary(mesh, geometry).map([](SlidOnGeometry&& slid) {
+        return SlidAndMeasured{std::move(slid), {}};
+      });
+    } catch (const Interrupted&) {
+      const bool is_over = stop.reason() == StopToken::Reason::TimeLimit;
+      tell(std::string(is_over ? "The time limit passed" : "The run was stopped") +
+           " while boundary nodes slid, so they are where they came.");
+      return std::nullopt;
+    }
+  }
+
+  /// Tells what came of sliding, without what was told for `before`.
+  void tell_sentences(const std::optional<SlidAndMeasured>& slid, const std::optional<SlidAndMeasured>& before) const {
+    if (!slid) return;
+    for (const std::string& sentence : slid->slid.sentences)
+      if (!before || std::ranges::find(before->slid.sentences, sentence) == before->slid.sentences.end())
+        tell(sentence);
+  }
+  void tell(const std::string& sentence) const {
+    if (hooks_.on_sentence) hooks_.on_sentence(sentence);
+  }
+  void tell(const SlideTrial& trial) const {
+    if (hooks_.on_trial) hooks_.on_trial(trial);
+  }
+
+  const HighOrderMesh mesh_;  ///< As it came.
+  const Options& options_;
+  GeometryOptions geometry_;
+  const geometry::Geometry* model_;
+  const OnIteration& on_iteration_;
+  const RunControl& control_;
+  const OnGeometryHooks& hooks_;
+  CheckpointsOfRuns checkpoints_;
+  ResultOnGeometry best_;
+  bool is_first_ = true;
+  int iterations_ = 0;       ///< Of all runs so far,
+  double spent_ = 0;         ///< and their seconds.
+  bool is_stopped_ = false;  ///< A run after the first was stopped.
+};
+
+}  // namespace
+
+Expected<ResultOnGeometry> optimise_on_geometry(HighOrderMesh mesh, const Options& options,
+                                                const GeometryOptions& geometry, const geometry::Geometry* model,
+                                                const OnIteration& on_iteration, const RunControl& control,
+                                                const OnGeometryHooks& hooks) {
+  if (auto fine = check(geometry); !fine) return tl::unexpected(fine.error());
+  Expected<geometry::Geometry> loaded;
+  if (model == nullptr && !geometry.on_boundary()) {
+    loaded = geometry::load(geometry.file);
+    if (!loaded) return tl::unexpected(loaded.error());
+    model = &*loaded;
+  }
+  return Runs(std::move(mesh), options, geometry, model, on_iteration, control, hooks).run();
+}
+
+std::int64_t memory_needed_on_geometry(const HighOrderMesh& mesh, const Options& options,
+                                       const GeometryOptions& geometry) {
+  Options of_curved = options;
+  if (geometry.order > 0) of_curved.order = geometry.order;
+  // Beside the run there are the mesh as it came and the best result so far.
+  const MeshCounts counts = count(mesh, of_curved.order > 0 ? of_curved.order : mesh.order);
+  return memory_needed(mesh, of_curved) + 2 * bytes_of_mesh(counts);
+}
+
+}  // namespace varimesh

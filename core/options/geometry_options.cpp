@@ -1,0 +1,28 @@
+#include "core/options/geometry_options.h"
+
+#include <string>
+
+#include "core/options/option_table.h"
+
+namespace varimesh {
+
+Expected<void> check(const GeometryOptions& options) {
+  for (const GeometryOption& option : geometry_option_table())
+    if (const double value = number_of(option, options); is_number(option) && !option.range.contains(value))
+      return bad_option(std::string(option.name) + " is " + number_text(value) + "; give " +
+                        std::string(option.values) + ".");
+  if (options.on_boundary() && (!options.file.empty() || options.order > 0 || options.snap))
+    return bad_option(
+        "slide_on is boundary, which goes without a model, snap and an order, because nodes stay near the boundary of "
+        "the mesh as it came.");
+  if (options.on_boundary() && options.slide == SlideOn::Coupled)
+    return bad_option("slide is coupled, which needs a model; slide_on boundary goes with none, surfaces and all.");
+  if (options.on_boundary() && options.smooth_angle > 0)
+    return bad_option(
+        "smooth_angle speaks of the surfaces of a model, and slide_on is boundary; leave one of them out.");
+  if (options.tolerance > 0 && options.slide != SlideOn::Coupled)
+    return bad_option("The tolerance of a geometry goes only with slide coupled.");
+  return {};
+}
+
+}  // namespace varimesh
