@@ -92,18 +92,33 @@ Expected<void> check_kind(const HighOrderMesh& mesh, const Team&) {
 
 // === Coordinates =========================================================================================
 
-Expected<void> check_coordinates(const HighOrderMesh& mesh, const Team& team) {
-  const auto is_bad = [&](std::size_t node) {
+/// The square of the volume of a cell of this size is still a finite number.
+constexpr double kLargestCoordinate = 1e50;
+
+/// Refuses the nodes that have a coordinate for which `is_bad`. The sentence is "Node N has a coordinate that " +
+/// `what`.
+template <class IsBad>
+Expected<void> refuse_nodes(const HighOrderMesh& mesh, const Team& team, const IsBad& is_bad, const std::string& what,
+                            const std::string& remedy) {
+  const auto is_bad_node = [&](std::size_t node) {
     const double* x = mesh.coordinates.data() + 3 * node;
-    return !(std::isfinite(x[0]) && std::isfinite(x[1]) && std::isfinite(x[2]));
+    return is_bad(x[0]) || is_bad(x[1]) || is_bad(x[2]);
   };
-  const std::size_t first = first_of(team, mesh.node_count(), kNodesPerTask, is_bad);
+  const std::size_t first = first_of(team, mesh.node_count(), kNodesPerTask, is_bad_node);
   if (first == mesh.node_count()) return {};
   std::size_t count = 0;
-  for (std::size_t i = first; i < mesh.node_count(); ++i) count += is_bad(i) ? 1 : 0;
-  return bad_input("Node " + std::to_string(mesh.node_numbers[first]) +
-                   " has a coordinate that is not a finite number" + and_more(count, "nodes") +
-                   "; write the mesh again.");
+  for (std::size_t i = first; i < mesh.node_count(); ++i) count += is_bad_node(i) ? 1 : 0;
+  return bad_input("Node " + std::to_string(mesh.node_numbers[first]) + " has a coordinate that " + what +
+                   and_more(count, "nodes") + remedy);
+}
+
+Expected<void> check_coordinates(const HighOrderMesh& mesh, const Team& team) {
+  const auto finite = refuse_nodes(
+      mesh, team, [](double x) { return !std::isfinite(x); }, "is not a finite number", "; write the mesh again.");
+  if (!finite) return finite;
+  return refuse_nodes(
+      mesh, team, [](double x) { return std::abs(x) > kLargestCoordinate; }, "is beyond 1e50",
+      ", and volumes of such cells cannot be computed; correct it, or write the mesh in a larger unit of length.");
 }
 
 // A 2-D mesh must lie in a plane z = constant.

@@ -14,6 +14,7 @@
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/mesh/node_parameters.h"
+#include "core/optimise/attempts.h"
 #include "core/optimise/run.h"
 #include "core/optimise/set_up.h"
 #include "core/optimise/splitting/splitting.h"
@@ -74,11 +75,11 @@ void note_missed_bound(const Options& options, Result& result) {
   result.notes.emplace_back(text);
 }
 
-Tried tried_by(const Options& options, const RunSummary& result) {
+Tried tried_by(const Options& options, const RunSummary& result, bool tried_others) {
   Tried tried;
   const bool cannot_move = result.sizes.free_nodes == 0;  // so another run would move nothing either
   tried.movement = cannot_move || result.iterations > 0;
-  tried.until_valid = cannot_move || options.until == Until::Valid;
+  tried.until_valid = cannot_move || tried_others || options.until == Until::Valid;
   tried.split = options.repair == Repair::Split;
   tried.cut_short = was_cut_short(result);
   return tried;
@@ -92,9 +93,10 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& on_iteration, const Run
   if (splits) set_up.seconds = 0;
   Result result = splits ? optimise_by_splitting(set_up, on_iteration, control, stop)
                          : Run(set_up, on_iteration, control, stop).go();
+  const bool tried_others = try_other_ways(set_up, on_iteration, control, stop, result);
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
-  result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result));
+  result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result, tried_others));
   note_missed_bound(options, result);
   keep_orientation(set_up, result);
   return result;
@@ -169,12 +171,13 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
 
 Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration,
                                 const RunControl& control) {
-  if (set_up_->layers.cells > 0 && coordinates.size() == set_up_->mesh.coordinates.size()) {
-    // Layers were found in other coordinates, or are no longer as they came.
+  if ((set_up_->layers.cells > 0 || set_up_->is_spent) && coordinates.size() == set_up_->mesh.coordinates.size()) {
+    // Layers were found in other coordinates, or are no longer as they came; or the tables were freed.
     HighOrderMesh again = set_up_->mesh;
     again.coordinates = std::move(coordinates);
     Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(again), set_up_->options);
     if (!prepared) return tl::unexpected(prepared.error());
+    (*prepared)->leaves_the_way_open = set_up_->leaves_the_way_open;
     (*prepared)->clockwise = std::move(set_up_->clockwise);  // the cells of this copy were turned already
     set_up_ = std::move(*prepared);
     StopToken stop(control.stop_asked);

@@ -207,7 +207,10 @@ void Run::keep_the_better() {
   QualityReport before = result_.before;
   if (before.lattice_intervals != result_.after.lattice_intervals)  // there was no time for the usual report
     before = quick_quality(set_up_.mesh, certificates_, team_);
-  if (!is_lower(merit_of(result_.after), merit_of(before), is_for_accuracy() ? threshold::kHigher : 0)) return;
+  const bool lost_minimum =
+      options_.objective == Objective::Worst && has_higher_minimum(merit_of(before), merit_of(result_.after));
+  if (!lost_minimum && !is_lower(merit_of(result_.after), merit_of(before), is_for_accuracy() ? threshold::kHigher : 0))
+    return;
   const bool is_optimum = result_.converged && !is_for_accuracy();
   std::string why = "its smallest and its mean scaled Jacobian are " + pair_text(before) + ", and " +
                     (is_optimum ? "at the energy's optimum" : "where the run ended") + " they would be " +

@@ -10,6 +10,7 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/mesh/changes/change_order.h"
 #include "core/mesh/connectivity.h"
+#include "core/optimise/attempts.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/substitute_shapes.h"
@@ -122,6 +123,7 @@ Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& of, const Options& given, 
   if (const auto degree = check_degree(mesh, options.quadrature_degree); !degree) return tl::unexpected(degree.error());
   auto result = std::make_unique<SetUp>();
   result->options = options;
+  result->leaves_the_way_open = leaves_the_way_open(given);
   result->clockwise = std::move(clockwise);
   result->fixed = *fixed;
   result->target = std::move(*target);

@@ -5,23 +5,13 @@
 #include <utility>
 
 #include "core/optimise/splitting/kept_result.h"
+#include "core/optimise/work.h"
 
 namespace varimesh {
 namespace {
 
 /// Newton steps before the first split. On meshes that stay tangled, Newton does not end by itself.
 constexpr int kBriefIterations = 40;
-/// Work of an iteration per free node that it visits, in units of a visit by a sweep. Measured on tetrahedra of
-/// order 3.
-constexpr double kNewtonWork = 4, kProductWork = 0.1, kUntanglingWork = 80;
-
-/// The work of an iteration, from what it counts: the same on every machine.
-double work_of(const Iteration& iteration) {
-  const auto nodes = static_cast<double>(iteration.active_nodes);
-  if (iteration.phase == Phase::Sweeps) return nodes;
-  if (iteration.phase == Phase::Untangle) return kUntanglingWork * nodes;
-  return nodes * (kNewtonWork + kProductWork * iteration.products);
-}
 
 }  // namespace
 

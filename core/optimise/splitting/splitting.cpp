@@ -16,6 +16,7 @@
 #include "core/optimise/grace.h"
 #include "core/optimise/splitting/raise_left.h"
 #include "core/optimise/splitting/run_sequence.h"
+#include "core/optimise/work.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
 #include "core/solvers/checkpoint.h"
@@ -28,8 +29,6 @@ constexpr int kMostRounds = 4;
 /// The work of all rounds together, and of the run without a split that may follow them, as multiples of the work
 /// before the first split.
 constexpr double kTimesTheWork = 4;
-/// Each may do at least this much, a fraction of a second.
-constexpr double kLeastWork = 3e5;
 
 std::set<std::int64_t> uncertified_set(const Result& result) {
   const std::vector<std::int64_t> numbers = uncertified_numbers(result.after);

@@ -22,7 +22,7 @@ Eigen::VectorXd simplex_weights(const Columns& K, double s, const Eigen::VectorX
   c.minCoeff(&first);
   weights(first) = 1;
   Eigen::VectorXd slope = s * K(first) + c;
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMostSteps && slope.allFinite(); ++step) {  // they overflow in huge cells
     Eigen::Index to = 0, from = -1;
     slope.minCoeff(&to);
     for (Eigen::Index i = 0; i < weights.size(); ++i)

@@ -148,6 +148,14 @@ TEST(CheckMesh, NotANumber) {
   EXPECT_REFUSED(mesh, "Node 21 has a coordinate that is not a finite number (2 such nodes in all)");
 }
 
+TEST(CheckMesh, TooLarge) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  mesh.coordinates[3 * 40 + 1] = 1e50;
+  EXPECT_TRUE(check_structure(mesh));
+  mesh.coordinates[3 * 20] = -1e308;
+  EXPECT_REFUSED(mesh, "Node 21 has a coordinate that is beyond 1e50");
+}
+
 TEST(CheckMesh, IndexOutOfRange) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   mesh.blocks[1].nodes[17] = 87;

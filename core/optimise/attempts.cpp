@@ -1,0 +1,271 @@
+#include "core/optimise/attempts.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/diagnosis/diagnosis.h"
+#include "core/merit/merit.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/run.h"
+#include "core/optimise/work.h"
+
+namespace varimesh {
+namespace {
+
+/// Options that lead to a better mesh where others do not.
+struct Way {
+  Objective objective;
+  Energy energy;
+  Constants constants;
+  Target target;
+  const char* name;
+};
+
+/// In the order in which they are tried. None of them makes all meshes valid that another does: the hyperelastic energy
+/// does in thin layers, Winslow's and the distortion at re-entrant corners, and ideal targets where straight-sided
+/// cells are tangled. The constants of the reference lower the loss of a valid mesh from which the descent finds no
+/// way.
+constexpr std::array kWays{
+    Way{Objective::Accuracy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
+        "the objective accuracy"},
+    Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
+        "the optimum of the hyperelastic energy"},
+    Way{Objective::Energy, Energy::Winslow, Constants::Standard, Target::StraightSided, "the Winslow energy"},
+    Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::Ideal, "ideal targets"},
+    Way{Objective::Energy, Energy::Distortion, Constants::Standard, Target::StraightSided, "the distortion energy"},
+    Way{Objective::Energy, Energy::Hyperelastic, Constants::Reference, Target::StraightSided,
+        "the constants of the reference"},
+};
+
+/// The work of all attempts, as a multiple of that of the run before.
+constexpr double kTimesTheWork = 4;
+
+std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
+
+/// Whether a cell is left that may still become valid.
+bool leaves_hope(const Result& result) {
+  const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
+  if (uncertified.empty()) return false;
+  const Cells cells(result.mesh, result.mesh.dimension);
+  const std::vector<char> hopeless = cells_beyond_repair(result.unrepairable, cells.count());
+  std::vector<std::int64_t> hopeless_numbers;
+  for (std::size_t cell = 0; cell < hopeless.size(); ++cell)
+    if (hopeless[cell] != 0) hopeless_numbers.push_back(cells.number(cell));
+  std::ranges::sort(hopeless_numbers);
+  return !std::ranges::all_of(
+      uncertified, [&](std::int64_t number) { return std::ranges::binary_search(hopeless_numbers, number); });
+}
+
+/// Whether the objective is to raise the smallest scaled Jacobian, and the objective accuracy may raise it further.
+bool may_rise(const Options& options, const Result& result) {
+  constexpr double kHardlyToBeRaised = 0.95;
+  return options.objective == Objective::Worst && merit_of(result.after).smallest < kHardlyToBeRaised;
+}
+
+/// Whether the descent has found no way down from a valid mesh, although it looked for one.
+bool has_stayed(const SetUp& set_up, const Result& result) {
+  return set_up.options.objective == Objective::Accuracy && left(result) == 0 && result.iterations > 0 &&
+         set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
+}
+
+/// How good the mesh is, as the end of a sentence.
+std::string outcome_text(const Result& result) {
+  char text[128];
+  if (left(result) > 0)
+    std::snprintf(text, sizeof text, "%lld %s not certified valid", static_cast<long long>(left(result)),
+                  left(result) == 1 ? "element is" : "elements are");
+  else
+    std::snprintf(text, sizeof text, "every element is valid, the smallest scaled Jacobian is %.3g and the loss %.3g",
+                  merit_of(result.after).smallest, merit_of(result.after).loss);
+  return text;
+}
+
+class Attempts {
+ public:
+  Attempts(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop, Result& result)
+      : set_up_(set_up), on_iteration_(on_iteration), control_(control), stop_(stop), result_(result) {
+    control_.checkpoint = {};
+    control_.checkpoint_due = nullptr;
+    control_.save_checkpoint = nullptr;
+    for (const Iteration& iteration : result.history) most_work_ += work_of(iteration);
+    most_work_ = kTimesTheWork * std::max(most_work_, kLeastWork);
+  }
+
+  void run() {
+    free_tables();
+    std::optional<Result> best;
+    const Way* way = nullptr;
+    for (const Way& each : kWays) {
+      const Result& so_far = best ? *best : result_;
+      if (!may_go_on() || !is_wanted(so_far)) break;
+      if (!is_for(each, so_far)) continue;
+      std::optional<Result> other = run(options_of(each), set_up_.mesh.coordinates);
+      if (!other) continue;
+      tried_ += (tried_.empty() ? "" : ", ") + std::string(each.name);
+      if (!is_better_than(*other, so_far)) continue;
+      best = std::move(other);
+      way = &each;
+    }
+    if (best)
+      take(std::move(*best), *way);
+    else if (!tried_.empty() && left(result_) > 0)
+      result_.notes.push_back("Tried in vain for what is left: " + tried_ + ".");
+    finish();
+  }
+
+ private:
+  bool is_wanted(const Result& result) const {
+    return leaves_hope(result) || may_rise(set_up_.options, result) || has_stayed(set_up_, result);
+  }
+
+  /// Whether this way is another one than that of the run, and fits what is wanted.
+  bool is_for(const Way& way, const Result& result) const {
+    const Options& options = set_up_.options;
+    if (way.objective == Objective::Accuracy) return options.objective == Objective::Worst && set_up_.mesh.order > 1;
+    if (left(result) == 0) return has_stayed(set_up_, result) && way.constants == Constants::Reference;
+    const bool is_same =
+        options.energy == way.energy && options.target == way.target && options.constants == way.constants;
+    return options.objective == Objective::Accuracy || !is_same;
+  }
+
+  bool is_better_than(const Result& other, const Result& so_far) const {
+    const bool came_valid = result_.before.uncertified.empty();
+    Asked asked = set_up_.options.objective == Objective::Worst ? kAskForMinimum : Asked{};
+    if (came_valid) {
+      asked = asked_by(set_up_.options);
+      asked.loss_as_it_came = merit_of(result_.before).loss;
+    }
+    return is_better(merit_of(other.after), merit_of(so_far.after), asked);
+  }
+
+  bool may_go_on() const {
+    const Options& options = set_up_.options;
+    return !stopped_ && work_ < most_work_ && !stop_.stopped() && result_.iterations < options.max_iterations &&
+           (options.time_limit <= 0 || seconds() < options.time_limit);
+  }
+  double seconds() const { return result_.seconds + watch_.seconds(); }
+
+  /// Attempts have set-ups of their own, so that of the run keeps only the mesh.
+  void free_tables() {
+    set_up_.problem = {};
+    set_up_.coloured = {};
+    set_up_.stages.clear();
+    set_up_.is_spent = true;
+  }
+
+  Options options_of(const Way& way) const {
+    Options options = set_up_.options;
+    options.objective = way.objective;
+    options.min_js = Options().min_js;  // which is an option of the accuracy
+    options.energy = way.energy;
+    options.constants = way.constants;
+    options.target = way.target;
+    return options;
+  }
+
+  /// Runs with these options from these coordinates. Nothing if the mesh is refused.
+  std::optional<Result> run(Options options, std::vector<double> coordinates) {
+    options.order = 0;
+    options.max_iterations -= result_.iterations;
+    const double begun = seconds();
+    if (options.time_limit > 0) options.time_limit = std::max(1e-9, options.time_limit - begun);
+    CheckedMesh mesh{set_up_.mesh, set_up_.facets};
+    mesh.mesh.coordinates = std::move(coordinates);
+    auto prepared = varimesh::set_up(std::move(mesh), options, &stop_);
+    if (!prepared) return std::nullopt;
+    const auto numbered_through = [before = result_.iterations, begun](Iteration iteration) {
+      iteration.number += before;
+      iteration.seconds += begun;
+      return iteration;
+    };
+    const OnIteration pass_on = [&](const Iteration& own) {
+      work_ += work_of(own);
+      stopped_ = on_iteration_ && on_iteration_(numbered_through(own)) == Control::Stop;
+      return stopped_ || work_ >= most_work_ ? Control::Stop : Control::Continue;
+    };
+    Result result = Run(**prepared, pass_on, control_, stop_).go();
+    // Objective::Worst ends no lower than the default, attempts included.
+    if (options.objective != set_up_.options.objective) try_other_ways(**prepared, pass_on, control_, stop_, result);
+    for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
+    result_.iterations += result.iterations;
+    result_.proof_seconds += result.proof_seconds;
+    if (result.stopped && !stopped_ && stop_.reason() != StopToken::Reason::Asked) {  // it has used up the work
+      result.stopped = false;
+      result.stop_reason = StopReason::NoProgress;
+    }
+    return result;
+  }
+
+  /// Takes this result of an attempt, after going on from its mesh as the run would have.
+  void take(Result best, const Way& way) {
+    const std::string before = outcome_text(result_), after = outcome_text(best);
+    if (may_go_on()) {
+      most_work_ = work_ + most_work_;  // as much as a run on a mesh that is valid takes
+      std::optional<Result> whole = run(set_up_.options, best.mesh.coordinates);
+      if (whole && !is_better_than(best, *whole)) best = std::move(*whole);
+    }
+    if (has_stayed(set_up_, result_)) result_.notes.clear();  // they say that nothing was moved
+    result_.notes.push_back("By the run's own way, " + before + ". With " + way.name + ", " + after +
+                            ". So the run went on from there.");
+    result_.mesh = std::move(best.mesh);
+    result_.after = std::move(best.after);
+    result_.residual = best.residual;
+    result_.converged = best.converged;
+    result_.stopped = best.stopped;
+    result_.stop_reason = best.stop_reason;
+    result_.substitute_targets = std::move(best.substitute_targets);
+    result_.kept_as_it_came.clear();
+  }
+
+  void finish() {
+    result_.seconds = seconds();
+    const bool asked = stopped_ || stop_.reason() == StopToken::Reason::Asked;
+    if (asked) {
+      result_.stopped = true;
+      result_.stop_reason = StopReason::Stopped;
+    } else if (!result_.after.uncertified.empty()) {  // without the limits, more would have been tried
+      const Options& options = set_up_.options;
+      if (stop_.reason() == StopToken::Reason::TimeLimit) result_.stop_reason = StopReason::TimeLimit;
+      if (result_.iterations >= options.max_iterations) result_.stop_reason = StopReason::Iterations;
+    }
+    result_.converged = result_.converged && result_.stop_reason == StopReason::Converged;
+  }
+
+  SetUp& set_up_;
+  const OnIteration& on_iteration_;
+  RunControl control_;
+  StopToken& stop_;
+  Result& result_;
+  Stopwatch watch_;
+  double work_ = 0, most_work_ = 0;
+  bool stopped_ = false;
+  std::string tried_;
+};
+
+}  // namespace
+
+bool leaves_the_way_open(const Options& options) {
+  Options without_objective = options;
+  without_objective.objective = Objective::Auto;
+  without_objective.min_js = Options().min_js;
+  constexpr int kCurved = 2;
+  return options.objective != Objective::Energy && objective_of(without_objective, kCurved) == Objective::Accuracy &&
+         options.method == Method::Auto && options.repair != Repair::Split && options.max_iterations > 0;
+}
+
+bool try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
+                    Result& result) {
+  const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result);
+  const bool may = is_wanted && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
+                   !stop.stopped() && result.iterations > 0;
+  if (!may) return false;
+  Attempts(set_up, on_iteration, control, stop, result).run();
+  return true;
+}
+
+}  // namespace varimesh

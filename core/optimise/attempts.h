@@ -1,0 +1,29 @@
+// What is tried for elements that a run has left invalid, before they are given up. Internal to core/optimise.
+#pragma once
+
+#include "core/base/stop_token.h"
+#include "core/optimise/result.h"
+#include "core/optimise/run_control.h"
+#include "core/optimise/set_up.h"
+
+namespace varimesh {
+
+/// Whether the options leave to the run how it makes the mesh valid: they name neither an energy with Objective::Auto
+/// nor Objective::Energy, a method, another target than the straight-sided shape, or a repair that changes elements.
+bool leaves_the_way_open(const Options& options);
+
+/// Tries other energies and targets on the mesh as it came if `result`, that of a run with this set-up, has ended by
+/// itself and
+/// - has left cells that no proof calls unrepairable: the first way that leaves none is taken, or else the one that
+///   leaves the fewest;
+/// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
+/// - or has Objective::Worst: the objective accuracy is tried too, and taken if its minimum is higher.
+/// From the mesh that is taken, the run goes on with the options that were given. If none is better, the result stays.
+/// All attempts together do at most a multiple of the work of the run. Iterations are numbered through.
+///
+/// Attempts make no checkpoints: a run that goes on from one makes them again. They free the tables of the set-up, and
+/// SetUp::is_spent says so. Returns whether anything was tried.
+bool try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
+                    Result& result);
+
+}  // namespace varimesh
