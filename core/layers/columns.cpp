@@ -96,8 +96,9 @@ class Patches {
   std::vector<std::size_t> parent_;
 };
 
-/// Keeps the facets of each patch that has a curved facet.
-std::vector<WallFacet> curved_walls(const HighOrderMesh& mesh, std::vector<WallFacet> facets) {
+/// Keeps the facets of each patch that has a curved facet, or of all patches.
+std::vector<WallFacet> walls(const HighOrderMesh& mesh, std::vector<WallFacet> facets, Walls which) {
+  if (which == Walls::All) return facets;
   struct Side {
     std::array<std::int32_t, 2> vertices;
     std::size_t facet;
@@ -237,10 +238,10 @@ bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<
 
 }  // namespace
 
-Columns find_columns(const HighOrderMesh& mesh, const Facets& facets) {
+Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls which) {
   const Cells cells(mesh, mesh.dimension);
   Columns columns;
-  columns.facets = curved_walls(mesh, thin_facets(mesh, facets, cells));
+  columns.facets = walls(mesh, thin_facets(mesh, facets, cells), which);
   if (columns.facets.empty()) return columns;
   begin_columns(mesh, columns);
   std::vector<Vector> direction = directions(mesh, columns, cells);

@@ -36,9 +36,13 @@ struct Columns {
 /// A cell is thin over a facet if it is less high than this times the facet's shortest edge.
 inline constexpr double kThin = 0.5;
 
+/// Which walls have columns.
+enum class Walls : std::uint8_t { Curved, All };
+
 /// Finds the columns. A wall is a patch of boundary facets that share edges (in 2-D: vertices), bend by less than 40°
-/// from one to the next, and have a thin cell behind each. It counts only if one of its facets is curved. The first
-/// edge of a column is thin too. Higher up a column goes on whatever its height, as long as one edge points on.
-Columns find_columns(const HighOrderMesh& mesh, const Facets& facets);
+/// from one to the next, and have a thin cell behind each. With Walls::Curved it counts only if one of its facets is
+/// curved. The first edge of a column is thin too. Higher up a column goes on whatever its height, as long as one edge
+/// points on.
+Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls which = Walls::Curved);
 
 }  // namespace varimesh::detail

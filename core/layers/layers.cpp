@@ -21,10 +21,11 @@ constexpr double kEven = 0.02;
 
 class Start {
  public:
-  Start(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
+  Start(const HighOrderMesh& mesh, const std::vector<bool>& fixed, LayerSpacing spacing, const Certifier& certifier,
         std::span<const Certificate> before, detail::Placement placement, const Team& team)
       : mesh_(mesh),
         fixed_(fixed),
+        changes_spacing_(spacing != LayerSpacing::Keep),
         certifier_(certifier),
         before_(before),
         placement_(std::move(placement)),
@@ -64,7 +65,7 @@ class Start {
   }
 
   void choose() {
-    const bool may_move = !are_valid(before_);
+    const bool may_move = changes_spacing_ || !are_valid(before_);
     for (const LayerCell& cell : placement_.cells) {
       const bool is_valid = before_[at(cell.cell)].is_valid();
       if (is_valid && unevenness(cell) <= kEven)
@@ -132,11 +133,12 @@ class Start {
     }
     for (const std::int32_t cell : touched_)
       start.made_valid += !before_[at(cell)].is_valid() && after_[at(cell)].is_valid() ? 1 : 0;
-    if (start.made_valid == 0) start.placed = 0;
-    if (start.made_valid > 0) start.coordinates = std::move(coordinates_);
+    const bool is_placed = start.made_valid > 0 || (changes_spacing_ && start.placed > 0);
+    if (!is_placed) start.placed = 0;
+    if (is_placed) start.coordinates = std::move(coordinates_);
     // What is still to be repaired may need any node: on a sphere with one layer of prisms, 19 cells stayed invalid
     // beside held nodes. Placed nodes are worth it only if they certify a cell.
-    if (!are_valid(start.made_valid > 0 ? std::span<const Certificate>(after_) : before_)) start.held.clear();
+    if (!are_valid(is_placed ? std::span<const Certificate>(after_) : before_)) start.held.clear();
     bool holds = false;
     for (std::size_t node = 0; node < start.held.size(); ++node)
       holds = holds || (start.held[node] != 0 && !fixed_[node]);
@@ -146,6 +148,7 @@ class Start {
 
   const HighOrderMesh& mesh_;
   const std::vector<bool>& fixed_;
+  const bool changes_spacing_;
   const Certifier& certifier_;
   const std::span<const Certificate> before_;
   const detail::Placement placement_;
@@ -160,15 +163,17 @@ class Start {
 }  // namespace
 
 LayerStart start_layers(const HighOrderMesh& mesh, const Facets& facets, const std::vector<bool>& fixed,
-                        const Team& team) {
-  const detail::Columns columns = detail::find_columns(mesh, facets);
+                        LayerSpacing spacing, const Team& team) {
+  using detail::Walls;
+  const detail::Columns columns =
+      detail::find_columns(mesh, facets, spacing == LayerSpacing::Keep ? Walls::Curved : Walls::All);
   if (columns.empty()) return {};
-  detail::Placement placement = detail::place_in_layers(mesh, columns);
+  detail::Placement placement = detail::place_in_layers(mesh, columns, spacing, fixed);
   if (placement.cells.empty()) return {};
   const Certifier certifier(mesh, {}, team);
   std::vector<Certificate> certificates(certifier.cells());
   certifier.certify(mesh.coordinates, certificates, team);
-  return Start(mesh, fixed, certifier, certificates, std::move(placement), team).run();
+  return Start(mesh, fixed, spacing, certifier, certificates, std::move(placement), team).run();
 }
 
 }  // namespace varimesh

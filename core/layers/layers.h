@@ -7,6 +7,7 @@
 #include "core/base/team.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/options/options.h"
 
 namespace varimesh {
 
@@ -31,13 +32,15 @@ struct LayerStart {
 /// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells
 /// that
 ///   would lose a certificate by it, and those that do not become valid, get their nodes back.
+/// - With a spacing that is not kept, the walls may be flat, and the nodes of all cells that are lower than wide go to
+///   parallel surfaces with that spacing.
 /// - If at least one cell of the mesh becomes certified valid by this, the nodes stay there. If all are valid then, the
 /// nodes
 ///   of the cells of both kinds are held.
 ///
-/// In a mesh whose cells are all certified valid, no node moves. Vertices never do. `fixed`: by node, whether it must
-/// stay. Call it inside team.run().
+/// In a mesh whose cells are all certified valid, no node moves if the spacing is kept. Vertices never do. `fixed`: by
+/// node, whether it must stay. Call it inside team.run().
 LayerStart start_layers(const HighOrderMesh& mesh, const Facets& facets, const std::vector<bool>& fixed,
-                        const Team& team);
+                        LayerSpacing spacing, const Team& team);
 
 }  // namespace varimesh

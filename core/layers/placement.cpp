@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/base/index.h"
+#include "core/layers/spacing.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
 
@@ -72,14 +73,20 @@ struct NodeInLayer {
 
 class Placer {
  public:
-  Placer(const HighOrderMesh& mesh, const Columns& columns)
-      : mesh_(mesh), columns_(columns), cells_(mesh, mesh.dimension), on_column_(columns.vertices.size()) {}
+  Placer(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing, const std::vector<bool>& fixed)
+      : mesh_(mesh),
+        columns_(columns),
+        spacing_(spacing),
+        fixed_(fixed),
+        cells_(mesh, mesh.dimension),
+        on_column_(columns.vertices.size()) {}
 
   Placement place() {
     for (std::size_t cell = 0; cell < cells_.count(); ++cell)
       if (auto found = layer_cell(static_cast<std::int32_t>(cell))) placement_.cells.push_back(*found);
     for (const LayerCell& cell : placement_.cells) note_columns(cell);
     std::erase_if(placement_.cells, [&](const LayerCell& cell) { return !is_whole(cell); });
+    space_columns();
     for (const LayerCell& cell : placement_.cells) add(cell);
     for (const auto& [node, sum] : sums_) {
       placement_.nodes.push_back(node);
@@ -209,6 +216,19 @@ class Placer {
     return true;
   }
 
+  /// Where the columns have their nodes with the spacing that is wanted.
+  void space_columns() {
+    for (std::size_t column = 0; column < on_column_.size(); ++column) {
+      const std::vector<std::int32_t>& nodes = on_column_[column];
+      std::vector<Vector> points;
+      for (const std::int32_t node : nodes) points.push_back(node < 0 ? Vector(Vector::Zero()) : point(mesh_, node));
+      const auto known = static_cast<int>(std::ranges::find(nodes, -1) - nodes.begin());
+      points_.push_back(spaced_column(points, (known - 1) / mesh_.order, mesh_.order, columns_.size[column], spacing_));
+      for (std::size_t place = 0; place < nodes.size(); ++place)
+        if (nodes[place] >= 0 && fixed_[at(nodes[place])]) points_.back()[place] = points[place];
+    }
+  }
+
   /// The normals of the facet at its nodes. Those of the last facet are kept.
   const std::vector<Vector>& normals_of(std::int32_t facet) {
     auto& normals = normals_[facet];
@@ -235,14 +255,14 @@ class Placer {
       double up = 0;
       Vector along = Vector::Zero();
       for (int v = 0; v < corners(cell); ++v) {
-        const Vector to = point(mesh_, on_column_[column(cell, v)][place]) - point(mesh_, wall.nodes[at(v)]);
+        const Vector to = points_[column(cell, v)][place] - point(mesh_, wall.nodes[at(v)]);
         const double height = to.dot(normals[at(v)]);
         up += node.weights[at(v)] * height;
         along += node.weights[at(v)] * (to - height * normals[at(v)]);
       }
       const Vector x =
           node.only >= 0
-              ? point(mesh_, nodes[k])
+              ? points_[column(cell, node.only)][place]
               : Vector(point(mesh_, wall.nodes[at(node.on_facet)]) + up * normal + along - normal.dot(along) * normal);
       auto [sum, added] = sums_.try_emplace(nodes[k], x, 1);
       if (added) continue;
@@ -253,9 +273,12 @@ class Placer {
 
   const HighOrderMesh& mesh_;
   const Columns& columns_;
+  const LayerSpacing spacing_;
+  const std::vector<bool>& fixed_;
   const Cells cells_;
   /// By column, by P · level: the node there, or −1.
   std::vector<std::vector<std::int32_t>> on_column_;
+  std::vector<std::vector<Vector>> points_;  ///< Where these nodes are wanted.
   std::array<std::optional<Eigen::MatrixXd>, kShapes> weights_;
   std::array<std::optional<FacetTable>, kShapes> tables_;
   std::map<std::int32_t, std::vector<Vector>> normals_;
@@ -265,6 +288,9 @@ class Placer {
 
 }  // namespace
 
-Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns) { return Placer(mesh, columns).place(); }
+Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing,
+                          const std::vector<bool>& fixed) {
+  return Placer(mesh, columns, spacing, fixed).place();
+}
 
 }  // namespace varimesh::detail

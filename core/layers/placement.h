@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/layers/columns.h"
+#include "core/options/options.h"
 
 namespace varimesh::detail {
 
@@ -33,8 +34,11 @@ struct Placement {
 ///     w + n Σ N_p n_p·G_p(s) + (1 − n nᵀ) Σ N_p (1 − n_p n_pᵀ) G_p(s),
 ///
 /// w being the point on the curved wall. On a circle or a sphere with columns along its normals, that is on a
-/// concentric one. Nodes on columns stay. Where cells disagree, as on both sides of an edge of the wall, the mean
-/// counts.
-Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns);
+/// concentric one. Nodes on columns keep their place, or go to the spacing that is wanted (spacing.h). Where cells
+/// disagree, as on both sides of an edge of the wall, the mean counts.
+///
+/// @param fixed  by node, whether it must stay
+Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing,
+                          const std::vector<bool>& fixed);
 
 }  // namespace varimesh::detail

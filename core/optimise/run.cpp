@@ -30,14 +30,17 @@ HighOrderMesh with_coordinates(HighOrderMesh& mesh, std::vector<double> coordina
 }
 
 /// What was done about layers.
-std::string layers_text(const LayerStart& layers) {
+std::string layers_text(const LayerStart& layers, LayerSpacing spacing) {
   const auto elements = [](std::int64_t count) {
     return std::to_string(count) + (count == 1 ? " element" : " elements");
   };
   std::string text =
       elements(layers.cells) + (layers.cells == 1 ? " lies" : " lie") + " in layers along a curved wall. ";
   if (layers.placed > 0)
-    text += "The nodes of " + elements(layers.placed) + " of them were placed on surfaces parallel to the wall. ";
+    text += "The nodes of " + elements(layers.placed) + " of them were placed on surfaces parallel to the wall" +
+            (spacing == LayerSpacing::Keep   ? ". "
+             : spacing == LayerSpacing::Even ? ", evenly spaced in each. "
+                                             : ", with a spacing that grows with the layers. ");
   return text + (layers.held.empty() ? "Elements are left to be repaired, so all nodes may move."
                                      : "Nodes that lie on such surfaces stay.");
 }
@@ -97,7 +100,13 @@ void Run::judge_as_it_came() {
   result_.before = report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_);
   swap_layers();
   if (!set_up_.as_it_came.empty()) prove_it();
-  if (!set_up_.layers.held.empty() || set_up_.layers.placed > 0) result_.notes.push_back(layers_text(set_up_.layers));
+  at_start_ = !set_up_.as_it_came.empty() && options_.layer_spacing != LayerSpacing::Keep
+                  ? report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_)
+                  : result_.before;
+  if (options_.layer_spacing != LayerSpacing::Keep && set_up_.layers.cells == 0)
+    result_.notes.emplace_back("There are no layers of thin elements at a wall, so layer_spacing changes nothing.");
+  if (!set_up_.layers.held.empty() || set_up_.layers.placed > 0)
+    result_.notes.push_back(layers_text(set_up_.layers, options_.layer_spacing));
 }
 
 void Run::prove() {
@@ -170,7 +179,7 @@ void Run::raise_low() {
   if (asked.what == Asked::What::Loss && !outcome.interrupted && are_valid(certificates_)) raise_to(asked.bound);
   if (outcome.interrupted) grace_.say_stopped(result_);
   if (made_valid.empty() && outcome.raised.empty()) return;
-  if (came_valid() && !keeps_loss({.loss = accuracy(result_.mesh, team_.threads()).loss}, merit_of(result_.before))) {
+  if (came_valid() && !keeps_loss({.loss = accuracy(result_.mesh, team_.threads()).loss}, merit_of(at_start_))) {
     result_.mesh.coordinates = coordinates;
     certificates_ = before;
     return;
@@ -201,10 +210,10 @@ void Run::keep_the_better() {
   if (!came_valid()) return;
   // The descent itself chooses by the loss.
   const bool had_no_descent = !result_.history.empty() && result_.history.back().phase != Phase::Accuracy;
-  if (is_for_accuracy() && had_no_descent && !keeps_loss(merit_of(result_.after), merit_of(result_.before)))
+  if (is_for_accuracy() && had_no_descent && !keeps_loss(merit_of(result_.after), merit_of(at_start_)))
     keep_as_it_came("where the run ended, its loss of accuracy was not lower.");
   if (options_.target != Target::StraightSided) return;
-  QualityReport before = result_.before;
+  QualityReport before = at_start_;
   if (before.lattice_intervals != result_.after.lattice_intervals)  // there was no time for the usual report
     before = quick_quality(set_up_.mesh, certificates_, team_);
   const bool lost_minimum =
@@ -220,9 +229,12 @@ void Run::keep_the_better() {
 }
 
 void Run::keep_as_it_came(std::string why) {
-  result_.kept_as_it_came = "The mesh stays as it came: " + std::move(why);
+  if (set_up_.as_it_came.empty())
+    result_.kept_as_it_came = "The mesh stays as it came: " + std::move(why);
+  else
+    result_.notes.push_back("But for its layers, the mesh stays as it came: " + std::move(why));
   result_.mesh.coordinates = set_up_.mesh.coordinates;
-  result_.after = result_.before;
+  result_.after = at_start_;
 }
 
 bool was_cut_short(const RunSummary& result) {

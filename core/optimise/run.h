@@ -116,6 +116,9 @@ class Run {
   std::vector<Certificate> certificates_;  ///< Of the mesh as it came, and after the stages of the result's mesh.
   Grace grace_;
   Result result_;
+  /// Of the mesh from which the run begins. With a spacing of layers that the options ask for, no step of the run is
+  /// compared with the mesh before.
+  QualityReport at_start_;
   RaiseMemory raised_;  ///< What the run tried to raise.
 
   // While the stages run:

@@ -220,7 +220,7 @@ DescentContext Run::descent_context() {
           team_,
           asked_by(options_),
           came_valid(),
-          came_valid() && options_.target == Target::StraightSided ? &result_.before : nullptr,
+          came_valid() && options_.target == Target::StraightSided ? &at_start_ : nullptr,
           control_.meter};
 }
 

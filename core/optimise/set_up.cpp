@@ -63,7 +63,8 @@ void start_with_layers(SetUp& set_up, const Team& team) {
                          options.method == Method::Auto && options.max_iterations > 0 &&
                          options.repair != Repair::Split;
   if (!is_wanted) return;
-  team.run([&] { set_up.layers = start_layers(set_up.mesh, set_up.facets, set_up.fixed, team); });
+  team.run(
+      [&] { set_up.layers = start_layers(set_up.mesh, set_up.facets, set_up.fixed, options.layer_spacing, team); });
   if (!set_up.layers.coordinates.empty()) {
     set_up.as_it_came = std::move(set_up.mesh.coordinates);
     set_up.mesh.coordinates = std::move(set_up.layers.coordinates);

@@ -31,6 +31,7 @@ constexpr Words kRegularisation[] = {"element", "patch"};
 constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
 constexpr Words kColouring[] = {"group", "node"};
 constexpr Words kUntil[] = {"tolerance", "valid"};
+constexpr Words kLayerSpacing[] = {"keep", "even", "graded"};
 constexpr Words kRepair[] = {"none", "report", "split", "straighten"};
 constexpr Words kObjective[] = {"energy", "worst", "accuracy", "auto"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
@@ -101,6 +102,9 @@ const std::array kTable{
         "curved; auto is energy if an option of the energy is given or the order is 1, and accuracy otherwise"),
     number("min_js", &Options::min_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
            "The scaled Jacobian that every element is to keep or reach with the objective accuracy"),
+    row("layer_spacing", choice<LayerSpacing, &Options::layer_spacing>(kLayerSpacing),
+        "How nodes are spaced across thin layers at curved walls with the objective accuracy: as they came, evenly in "
+        "each element, or graded as the heights of the layers grow"),
     number("p_norm", &Options::p_norm, {.least = 1, .most = 16}, "1 (the energy itself) to 16",
            "The power to which the elements' mean energies are summed; a higher one weighs the worst elements more"),
     number("order", &Options::order, upto(kMaxOrder), "1 to 10, or 0 for the mesh's own order",

@@ -75,6 +75,13 @@ Expected<void> check(const Options& options) {
     return bad_option(
         "min_js is given, but only the objective accuracy looks at it, and the other options ask for the optimum of an "
         "energy; give until_js, or leave out the objective and the options of the energy.");
+  if (objective_of(options, kCurved) != Objective::Accuracy && options.layer_spacing != LayerSpacing::Keep)
+    return bad_option(
+        "layer_spacing is given, but only the objective accuracy knows layers, and the other options ask for another; "
+        "leave out the objective and the options of the energy, or layer_spacing.");
+  if (options.repair == Repair::Split && options.layer_spacing != LayerSpacing::Keep)
+    return bad_option(
+        "repair is split and layer_spacing is given, but splits do not know layers; leave layer_spacing at keep.");
   if (options.repair == Repair::Split && takes_field)
     return bad_option(
         "repair is split and the target is a field, but split elements would have no values in the field; choose "

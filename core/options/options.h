@@ -65,6 +65,12 @@ enum class Target : std::uint8_t {
   Strain,         ///< The straight-sided cell stretched by target_field, as by heat in the thermo-elastic analogy of
                   ///< D. Moxey and others, CAD 72, 2016.
 };
+/// How the nodes of thin layers at a curved wall are spaced across the layers (core/layers/spacing.h).
+enum class LayerSpacing : std::uint8_t {
+  Keep,    ///< As the mesh came.
+  Even,    ///< At equal distances in each cell.
+  Graded,  ///< As the heights of the layers grow. Solutions that decay from the wall are then polynomials, nearly.
+};
 enum class Per : std::uint8_t {
   Cell,    ///< One value per cell, by element number.
   Vertex,  ///< One value per vertex, by node number; linear between vertices.
@@ -122,8 +128,9 @@ struct Options {
   double min_js = 0.1;  ///< Objective::Accuracy only: the scaled Jacobian that every cell is to have at least, from 0
                         ///< to below 1. If no mesh of the run has it, the result has the least loss among those with at
                         ///< least half of the highest minimum that was found, and a note says so.
-  double p_norm = 1;    ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
-                        ///< worst cells more.
+  LayerSpacing layer_spacing = LayerSpacing::Keep;  ///< Objective::Accuracy only.
+  double p_norm = 1;  ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
+                      ///< worst cells more.
   int quadrature_degree = 0;  ///< Degree that is integrated exactly; 0: 2 P. At least 2 (P − 1) on simplices.
 
   Repair repair = Repair::Report;  ///< Split cannot be combined with target_field or region_below.

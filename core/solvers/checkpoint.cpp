@@ -46,7 +46,7 @@ std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fi
   const Options& o = options;
   for (const auto choice : {int(o.energy), int(o.strain), int(o.volumetric), int(o.winslow), int(o.constants),
                             int(o.regularisation), int(o.method), int(o.colouring), int(o.active_set), int(o.until),
-                            o.quadrature_degree, int(o.target), int(o.repair), int(o.objective)})
+                            o.quadrature_degree, int(o.target), int(o.repair), int(o.objective), int(o.layer_spacing)})
     print.add(choice);
   for (const double number : {o.mu, o.lambda, o.kappa, o.tolerance, o.until_js, o.min_js, o.p_norm}) print.add(number);
   return print.value();

@@ -74,6 +74,7 @@ class Options(TypedDict, total=False):
     rings: int
     objective: Literal["energy", "worst", "accuracy", "auto"]
     min_js: float
+    layer_spacing: Literal["keep", "even", "graded"]
     p_norm: float
     order: int
     active_set: bool

@@ -142,12 +142,12 @@ std::int64_t uncertified(const HighOrderMesh& mesh, const std::vector<double>& c
   return count;
 }
 
-LayerStart start(const HighOrderMesh& mesh) {
+LayerStart start(const HighOrderMesh& mesh, LayerSpacing spacing = LayerSpacing::Keep) {
   const Team team(2);
   LayerStart started;
   team.run([&] {
     const Facets found = facets(mesh, team);
-    started = start_layers(mesh, found, fixed_nodes(mesh, found), team);
+    started = start_layers(mesh, found, fixed_nodes(mesh, found), spacing, team);
   });
   return started;
 }
@@ -252,6 +252,81 @@ TEST(Layers, ThinnerThanTheWallBendsComeOutValid) {
     EXPECT_TRUE(result->after.uncertified.empty());
     EXPECT_NE(result->notes.size(), 0U);
   }
+}
+
+/// In a geometric progression of heights, graded nodes are at first (gˢ − 1)/(g − 1), g being the growth and s the
+/// level.
+TEST(Layers, AreGradedAsTheirHeightsGrow) {
+  for (const Shape shape : {Shape::Quadrilateral, Shape::Triangle})
+    for (const bool bends : {true, false}) {
+      const Layers even{shape, 3, 8, 1e-3, 1.9, Inside::Parallel, bends};
+      const HighOrderMesh mesh = make(even);
+      const LayerStart started = start(mesh, LayerSpacing::Graded);
+      ASSERT_EQ(started.coordinates.size(), mesh.coordinates.size());
+      EXPECT_EQ(uncertified(mesh, started.coordinates), 0);
+      const std::vector<bool> fixed = fixed_nodes(mesh);
+      const auto distance = [&](const std::vector<double>& x, std::size_t node) {
+        return bends ? std::hypot(x[3 * node], x[3 * node + 1]) - 1 : x[3 * node + 1];
+      };
+      std::size_t graded = 0;
+      // Beside the ends, whose nodes are fixed, nodes between the columns lie between both spacings.
+      const double step = std::acos(-1.0) / 2 / kAround;
+      for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+        const double* x = &mesh.coordinates[3 * node];
+        const double along = (bends ? std::atan2(x[0], x[1]) : x[0]) / step;
+        const double came = distance(mesh.coordinates, node), is = distance(started.coordinates, node);
+        if (fixed[node]) EXPECT_EQ(is, came);
+        if (fixed[node] || along < 0.99 || along > kAround - 0.99 || came > even.height(4)) continue;
+        int layer = 0;
+        while (even.height(layer + 1) < came * (1 - 1e-9)) ++layer;
+        const double height = even.height(layer + 1) - even.height(layer);
+        const double level = layer + (came - even.height(layer)) / height;
+        const double wanted = even.first * (std::pow(even.growth, level) - 1) / (even.growth - 1);
+        EXPECT_NEAR(is, wanted, 1e-2 * height) << reference::info(shape).name << bends;
+        graded += std::abs(wanted - came) > 0.05 * height ? 1 : 0;
+      }
+      EXPECT_GT(graded, 20U);
+    }
+}
+
+TEST(Layers, ThatAreGradedBecomeEvenAgain) {
+  const HighOrderMesh mesh = make({Shape::Hexahedron, 2, 6, 1e-3, 2, Inside::Parallel});
+  HighOrderMesh graded = mesh;
+  graded.coordinates = start(mesh, LayerSpacing::Graded).coordinates;
+  ASSERT_EQ(graded.coordinates.size(), mesh.coordinates.size());
+  const LayerStart even = start(graded, LayerSpacing::Even);
+  ASSERT_EQ(even.coordinates.size(), mesh.coordinates.size());
+  double most = 0, moved = 0;
+  for (std::size_t k = 0; k < mesh.coordinates.size(); ++k) {
+    most = std::max(most, std::abs(even.coordinates[k] - mesh.coordinates[k]));
+    moved = std::max(moved, std::abs(graded.coordinates[k] - mesh.coordinates[k]));
+  }
+  EXPECT_LT(most, 0.05 * moved);
+}
+
+/// The run compares its mesh with the graded one, whose scaled Jacobian is lower than that of the mesh as it came.
+TEST(Layers, StayGradedInARun) {
+  const HighOrderMesh mesh = make({Shape::Quadrilateral, 3, 8, 1e-3, 1.9, Inside::Parallel});
+  Options options;
+  options.layer_spacing = LayerSpacing::Graded;
+  const auto result = optimise(mesh, options);
+  ASSERT_TRUE(result.has_value());
+  EXPECT_TRUE(result->after.uncertified.empty());
+  const std::vector<double> graded = start(mesh, LayerSpacing::Graded).coordinates;
+  std::size_t same = 0;
+  for (std::size_t k = 0; k < graded.size(); ++k)
+    same += graded[k] != mesh.coordinates[k] && result->mesh.coordinates[k] == graded[k] ? 1 : 0;
+  EXPECT_GT(same, 100U);
+}
+
+TEST(Layers, AreToldIfThereAreNone) {
+  const HighOrderMesh mesh = make({Shape::Quadrilateral, 3, 3, 0.3, 1, Inside::Parallel});
+  Options options;
+  options.layer_spacing = LayerSpacing::Even;
+  const auto result = optimise(mesh, options);
+  ASSERT_TRUE(result.has_value());
+  ASSERT_FALSE(result->notes.empty());
+  EXPECT_NE(result->notes.front().find("no layers"), std::string::npos);
 }
 
 /// An optimiser that is used again finds the layers anew.

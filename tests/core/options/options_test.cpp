@@ -73,6 +73,14 @@ TEST(CheckOptions, RefusesCombinationsThatContradictEachOther) {
   options.min_js = 1;
   EXPECT_NE(refusal(options).find("min_js"), std::string::npos);
   options = {};
+  options.layer_spacing = LayerSpacing::Graded;
+  EXPECT_EQ(refusal(options), "");
+  options.objective = Objective::Energy;
+  EXPECT_NE(refusal(options).find("layer_spacing"), std::string::npos);
+  options.objective = Objective::Auto;
+  options.energy = Energy::Winslow;
+  EXPECT_NE(refusal(options).find("layer_spacing"), std::string::npos);
+  options = {};
   options.repair = Repair::Split;
   options.region_below = .5;
   EXPECT_NE(refusal(options).find("region_below"), std::string::npos);

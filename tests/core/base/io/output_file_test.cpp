@@ -12,7 +12,6 @@
 namespace varimesh {
 namespace {
 
-using OutputFile;
 using test::Folder;
 
 std::size_t files_in(const std::string& folder) {

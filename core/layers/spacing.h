@@ -1,0 +1,27 @@
+// Where a column through layers has its nodes. Internal to core/layers.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/options/options.h"
+
+namespace varimesh::detail {
+
+/// The nodes of a column, moved along it to the spacing that is wanted. Vertices stay.
+///
+/// Even: the nodes of a cell are at equal distances. Graded: they follow the growth g of the layers. At the share ξ of
+/// the nodes between two vertices, the share of the distance is t = (g^ξ − 1)/(g − 1), with g² the ratio of the heights
+/// above and below the cell, or g the ratio to its only neighbour. In a geometric progression of heights t is the same
+/// smooth function through all layers, so an exponential of the distance is nearly a polynomial of ξ in each. The nodes
+/// go to (1 − w) e + w t, with the even spacing e = ξ and w = 1/(1 + (h/h₀)⁴), which fades where a cell of height h is
+/// no longer thin: h₀ = 2.1/P times `size`.
+///
+/// @param points  of the column, P per cell and one more, lowest first; those above the last whole cell stay
+/// @param cells   how many of its cells are whole
+/// @param order   P
+/// @param size    the shortest edge of the wall at the foot of the column, in the mesh's unit of length
+std::vector<Eigen::Vector3d> spaced_column(const std::vector<Eigen::Vector3d>& points, int cells, int order,
+                                           double size, LayerSpacing spacing);
+
+}  // namespace varimesh::detail
