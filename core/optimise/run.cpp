@@ -34,10 +34,10 @@ std::string layers_text(const LayerStart& layers, LayerSpacing spacing) {
   const auto elements = [](std::int64_t count) {
     return std::to_string(count) + (count == 1 ? " element" : " elements");
   };
-  std::string text =
-      elements(layers.cells) + (layers.cells == 1 ? " lies" : " lie") + " in layers along a curved wall. ";
+  std::string text = elements(layers.cells) + (layers.cells == 1 ? " lies" : " lie") + " in layers along a " +
+                     (spacing == LayerSpacing::Keep ? "curved wall. " : "wall. ");
   if (layers.placed > 0)
-    text += "The nodes of " + elements(layers.placed) + " of them were placed on surfaces parallel to the wall" +
+    text += "The nodes of " + std::to_string(layers.placed) + " of them were placed on surfaces parallel to the wall" +
             (spacing == LayerSpacing::Keep   ? ". "
              : spacing == LayerSpacing::Even ? ", evenly spaced in each. "
                                              : ", with a spacing that grows with the layers. ");
@@ -74,7 +74,10 @@ Result Run::go() {
   const Stopwatch after_stages;
   const bool is_placed = !set_up_.as_it_came.empty();  // layers were brought into form, so the mesh has changed
   const std::string unmoved = grace_.stopped() || is_placed ? "" : why_unmoved();
-  if (!iterates && is_placed) result_.mesh.coordinates = set_up_.mesh.coordinates;
+  if (!iterates && is_placed) {
+    result_.mesh.coordinates = set_up_.mesh.coordinates;
+    note_no_free_node();
+  }
   if (!is_placed && (!iterates || !unmoved.empty())) {
     take_as_it_came(unmoved);
     if (grace_.stopped()) grace_.say_stopped(result_);
@@ -146,6 +149,10 @@ void Run::take_as_it_came(const std::string& why) {
   result_.mesh = set_up_.mesh;
   result_.after = result_.before;
   if (!why.empty()) result_.notes.push_back(why);
+  note_no_free_node();
+}
+
+void Run::note_no_free_node() {
   if (!has_no_free_node() || options_.max_iterations == 0) return;
   result_.converged = true;  // there is no free node that could be far from the optimum
   result_.stop_reason = StopReason::Converged;

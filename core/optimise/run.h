@@ -50,6 +50,8 @@ class Run {
   bool is_for_accuracy() const { return options_.objective == Objective::Accuracy; }
   /// Why nothing was moved, though the run was not stopped; empty if something may have been moved.
   std::string why_unmoved();
+  /// If no node may move, the run has converged.
+  void note_no_free_node();
   /// Takes the mesh as it came, with the note that says why.
   void take_as_it_came(const std::string& why);
   /// Makes the most of the mesh that the stages have left.
