@@ -42,8 +42,8 @@ constexpr std::array kWays{
         "the constants of the reference"},
 };
 
-/// The work of all attempts, as a multiple of that of the run before.
-constexpr double kTimesTheWork = 4;
+/// The work of all attempts, as a multiple of that of the run before. Each does at most as much as that run.
+constexpr double kTimesTheWork = 2;
 
 std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
 
@@ -93,7 +93,8 @@ class Attempts {
     control_.checkpoint_due = nullptr;
     control_.save_checkpoint = nullptr;
     for (const Iteration& iteration : result.history) most_work_ += work_of(iteration);
-    most_work_ = kTimesTheWork * std::max(most_work_, kLeastWork);
+    work_of_each_ = std::max(most_work_, kLeastWork);
+    most_work_ = kTimesTheWork * work_of_each_;
   }
 
   void run() {
@@ -183,12 +184,16 @@ class Attempts {
       iteration.seconds += begun;
       return iteration;
     };
+    const double most = std::min(most_work_, work_ + work_of_each_);
     const OnIteration pass_on = [&](const Iteration& own) {
       work_ += work_of(own);
       stopped_ = on_iteration_ && on_iteration_(numbered_through(own)) == Control::Stop;
-      return stopped_ || work_ >= most_work_ ? Control::Stop : Control::Continue;
+      return stopped_ || work_ >= most ? Control::Stop : Control::Continue;
     };
-    Result result = Run(**prepared, pass_on, control_, stop_).go();
+    RunControl control = control_;
+    // Larger patches take most of the time of a run, and the run before has untangled them in vain.
+    control.shallow_untangling = control.shallow_untangling || options.objective == Objective::Energy;
+    Result result = Run(**prepared, pass_on, control, stop_).go();
     // Objective::Worst ends no lower than the default, attempts included.
     if (options.objective != set_up_.options.objective) try_other_ways(**prepared, pass_on, control_, stop_, result);
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
@@ -205,7 +210,8 @@ class Attempts {
   void take(Result best, const Way& way) {
     const std::string before = outcome_text(result_), after = outcome_text(best);
     if (may_go_on()) {
-      most_work_ = work_ + most_work_;  // as much as a run on a mesh that is valid takes
+      most_work_ += work_;
+      work_of_each_ = most_work_;  // this run is no attempt
       std::optional<Result> whole = run(set_up_.options, best.mesh.coordinates);
       if (whole && !is_better_than(best, *whole)) best = std::move(*whole);
     }
@@ -242,7 +248,7 @@ class Attempts {
   StopToken& stop_;
   Result& result_;
   Stopwatch watch_;
-  double work_ = 0, most_work_ = 0;
+  double work_ = 0, most_work_ = 0, work_of_each_ = 0;
   bool stopped_ = false;
   std::string tried_;
 };
