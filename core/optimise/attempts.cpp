@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <optional>
 #include <string>
@@ -75,14 +76,16 @@ bool has_stayed(const SetUp& set_up, const Result& result) {
 
 /// How good the mesh is, as the end of a sentence.
 std::string outcome_text(const Result& result) {
+  const Merit merit = merit_of(result.after);
+  if (merit.uncertified > 0)
+    return std::to_string(merit.uncertified) + (merit.uncertified == 1 ? " element is" : " elements are") +
+           " not certified valid";
   char text[128];
-  if (left(result) > 0)
-    std::snprintf(text, sizeof text, "%lld %s not certified valid", static_cast<long long>(left(result)),
-                  left(result) == 1 ? "element is" : "elements are");
-  else
-    std::snprintf(text, sizeof text, "every element is valid, the smallest scaled Jacobian is %.3g and the loss %.3g",
-                  merit_of(result.after).smallest, merit_of(result.after).loss);
-  return text;
+  std::snprintf(text, sizeof text, "every element is valid, the smallest scaled Jacobian is %.3g", merit.smallest);
+  if (merit.loss == 0 || !std::isfinite(merit.loss)) return text;  // straight-sided elements have no loss
+  char loss[32];
+  std::snprintf(loss, sizeof loss, ", the loss is %.3g", merit.loss);
+  return std::string(text) + loss;
 }
 
 class Attempts {
