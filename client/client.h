@@ -103,6 +103,9 @@ class Client {
   /// device is first read to its end.
   Outcome<v1::StoredMesh> upload_file(const std::string& path);
   Outcome<v1::StoredMesh> upload(const InputFile& file);
+  /// Uploads a CAD file in the same way. It passes through the calls even with Settings::exchange, because a process of
+  /// its own reads it from the server's store.
+  Outcome<v1::StoredMesh> upload_model(const std::string& path);
   /// Submits a job. A submission that is repeated with the same request id joins the job that exists; an empty id
   /// stands for a random one.
   Outcome<v1::Job> submit(const v1::JobSpec& spec, std::string request_id = {}, bool validate_only = false);

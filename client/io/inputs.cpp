@@ -116,7 +116,7 @@ Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* i
     const auto server = client.info();
     if (!server) return tl::unexpected(server.error());
     if (!server->takes_geometries()) return std::optional<v1::Geometry>();
-    const auto stored = client.upload_file(input->model);
+    const auto stored = client.upload_model(input->model);
     if (!stored) return tl::unexpected(stored.error());
     geometry.set_digest(stored->digest());
   }

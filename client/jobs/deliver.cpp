@@ -55,7 +55,9 @@ void print_interruption(const v1::Job& job, bool was_cut_short, const std::vecto
 }  // namespace
 
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags) {
-  const bool was_cut_short = job.state() == v1::JOB_STATE_CANCELLED && job.has_metrics();
+  // A job that was cancelled while its CAD model was read has no mesh.
+  const bool was_cut_short = job.state() == v1::JOB_STATE_CANCELLED && job.has_metrics() &&
+                             (job.results_size() > 0 || delivery.outputs.empty());
   if (job.state() != v1::JOB_STATE_SUCCEEDED && !(was_cut_short && delivery.accepts_cancelled))
     return print_end(job, delivery);
   if (was_cut_short && !interrupted())

@@ -57,6 +57,12 @@ Outcome<v1::StoredMesh> Client::upload_file(const std::string& path) {
   return upload(*file);
 }
 
+Outcome<v1::StoredMesh> Client::upload_model(const std::string& path) {
+  const auto file = InputFile::open(path, settings_.interrupted);
+  if (!file) return tl::unexpected(file.error());
+  return send(*file);
+}
+
 Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
   if (settings_.exchange == nullptr) return send(file);
   const auto stands_for_it = settings_.exchange->keep(file);

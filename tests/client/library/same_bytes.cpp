@@ -53,7 +53,7 @@ int by_client(const std::string& address, const std::string& mesh, const std::st
   spec.mutable_mesh()->set_digest(uploaded->digest());
   if (geometry == "boundary") spec.mutable_geometry()->set_slide_on(v1::Geometry::SLIDE_ON_BOUNDARY);
   if (geometry != "boundary" && geometry != "none") {
-    const auto model = client->upload_file(geometry);
+    const auto model = client->upload_model(geometry);
     if (!model) return failed(model.error().sentence);
     spec.mutable_geometry()->set_digest(model->digest());
   }
