@@ -14,10 +14,10 @@
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/mesh/node_parameters.h"
-#include "core/optimise/attempts.h"
 #include "core/optimise/run.h"
+#include "core/optimise/sequences/attempts.h"
+#include "core/optimise/sequences/splitting.h"
 #include "core/optimise/set_up.h"
-#include "core/optimise/splitting/splitting.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/validity/orientation.h"
 

@@ -10,7 +10,7 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/mesh/changes/change_order.h"
 #include "core/mesh/connectivity.h"
-#include "core/optimise/attempts.h"
+#include "core/optimise/sequences/attempts.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/substitute_shapes.h"

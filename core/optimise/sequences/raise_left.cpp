@@ -1,4 +1,4 @@
-#include "core/optimise/splitting/raise_left.h"
+#include "core/optimise/sequences/raise_left.h"
 
 #include <algorithm>
 #include <vector>

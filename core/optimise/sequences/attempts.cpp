@@ -1,4 +1,4 @@
-#include "core/optimise/attempts.h"
+#include "core/optimise/sequences/attempts.h"
 
 #include <algorithm>
 #include <array>
@@ -13,7 +13,7 @@
 #include "core/merit/merit.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/run.h"
-#include "core/optimise/work.h"
+#include "core/optimise/sequences/work.h"
 
 namespace varimesh {
 namespace {

@@ -1,5 +1,5 @@
 // Rounds of splitting and optimising; the best mesh is kept.
-#include "core/optimise/splitting/splitting.h"
+#include "core/optimise/sequences/splitting.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -14,9 +14,9 @@
 #include "core/merit/merit.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/grace.h"
-#include "core/optimise/splitting/raise_left.h"
-#include "core/optimise/splitting/run_sequence.h"
-#include "core/optimise/work.h"
+#include "core/optimise/sequences/raise_left.h"
+#include "core/optimise/sequences/run_sequence.h"
+#include "core/optimise/sequences/work.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
 #include "core/solvers/checkpoint.h"

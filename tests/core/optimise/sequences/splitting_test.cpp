@@ -1,13 +1,13 @@
 // Whole runs with --repair split on meshes that no movement of nodes can make valid.
-#include "core/optimise/splitting/splitting.h"
+#include "core/optimise/sequences/splitting.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstring>
 
-#include "core/optimise/splitting/raise_left.h"
-#include "core/optimise/splitting/run_sequence.h"
+#include "core/optimise/sequences/raise_left.h"
+#include "core/optimise/sequences/run_sequence.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/for_energy.h"

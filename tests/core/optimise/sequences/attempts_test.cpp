@@ -1,5 +1,5 @@
 // Elements that one way leaves invalid are not given up before the others have been tried.
-#include "core/optimise/attempts.h"
+#include "core/optimise/sequences/attempts.h"
 
 #include <gtest/gtest.h>
 

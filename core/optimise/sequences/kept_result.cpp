@@ -1,4 +1,4 @@
-#include "core/optimise/splitting/kept_result.h"
+#include "core/optimise/sequences/kept_result.h"
 
 #include <array>
 #include <cstdint>

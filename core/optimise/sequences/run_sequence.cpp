@@ -1,11 +1,11 @@
-#include "core/optimise/splitting/run_sequence.h"
+#include "core/optimise/sequences/run_sequence.h"
 
 #include <algorithm>
 #include <cstring>
 #include <utility>
 
-#include "core/optimise/splitting/kept_result.h"
-#include "core/optimise/work.h"
+#include "core/optimise/sequences/kept_result.h"
+#include "core/optimise/sequences/work.h"
 
 namespace varimesh {
 namespace {
