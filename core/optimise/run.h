@@ -24,7 +24,7 @@
 
 namespace varimesh {
 
-/// Everything that a run has, and its steps. Each object is for one run without splits (core/optimise/splitting has
+/// Everything that a run has, and its steps. Each object is for one run without splits (core/optimise/sequences has
 /// several), and what its constructor takes must outlive it. No function may be called inside team.run().
 class Run {
  public:
