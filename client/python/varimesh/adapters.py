@@ -104,6 +104,8 @@ def from_pyvista(grid: Any) -> Mesh:
         array = connectivity[offsets[first] : offsets[piece[-1] + 1]].reshape(-1, count)
         if name in _FROM_MESHIO:
             array = array[:, _FROM_MESHIO[name]]
+        if name == "wedge":  # meshio's wedge is numbered like Gmsh's, VTK's is its mirror image
+            array = array[:, [0, 2, 1, 3, 5, 4]]
         blocks.append(Block(shape_name(name), array.astype(np.int32), 1, (group,) if group > 0 else ()))
     return Mesh.from_arrays(grid.points, blocks)
 

@@ -19,10 +19,41 @@ std::vector<int> inverse(const std::vector<int>& gmsh, std::size_t nodes) {
   return places;
 }
 
-const std::vector<int>& places_of(Shape shape, int order, bool new_order) {
-  static reference::Cache<std::array<int, 3>, std::vector<int>> cache;
-  return cache.get({int(shape), order, new_order ? 1 : 0}, [&] {
-    std::vector<int> gmsh = vtk_cell(shape, order).nodes;
+/// Whether VTK's faces of a cell of this type point outwards, and its volume is positive, if the base (0, 1, 2) is
+/// clockwise seen from the other triangle. vtkWedge's documentation says so of the types 13 (linear), 26, 31 and 32
+/// (quadratic). Its parametric coordinates contradict it. Lagrange wedges, type 73, are numbered like Gmsh's.
+constexpr bool is_mirrored(int type) { return type == 13 || type == 26 || type == 31 || type == 32; }
+
+/// For each node of VTK's cell, the node in Gmsh's order; −1 for additional points of pyramids.
+std::vector<int> listed_nodes(Shape shape, int order, bool mirrored) {
+  std::vector<int> nodes;
+  const std::vector<int>& node_at = nodes_by_position(shape, order);
+  const auto side = std::size_t(order) + 1;
+  for (const Position& position : node_positions(NodeOrder::Vtk, shape, order)) {
+    Position at = position;
+    if (mirrored) std::swap(at[0], at[1]);
+    if (shape == Shape::Pyramid && order > 1) {
+      // The pyramid has nodes for the hexahedron's corners, upright edges, base and top; other points are additional.
+      const bool corner = (at[0] == 0 || at[0] == order) && (at[1] == 0 || at[1] == order);
+      if (at[2] == order) {
+        at = {0, 0, order};
+      } else if (at[2] != 0 && !corner) {
+        nodes.push_back(-1);
+        continue;
+      } else if (at[2] != 0) {
+        for (std::size_t k = 0; k < 2; ++k) at[k] = at[k] == 0 ? 0 : order - at[2];
+      }
+    }
+    nodes.push_back(node_at[std::size_t(at[0]) + side * (std::size_t(at[1]) + side * std::size_t(at[2]))]);
+    assert(nodes.back() >= 0);
+  }
+  return nodes;
+}
+
+const std::vector<int>& places_of(Shape shape, int order, bool new_order, bool mirrored = false) {
+  static reference::Cache<std::array<int, 4>, std::vector<int>> cache;
+  return cache.get({int(shape), order, new_order ? 1 : 0, mirrored ? 1 : 0}, [&] {
+    std::vector<int> gmsh = listed_nodes(shape, order, mirrored);
     const bool upright = order > 1 && (shape == Shape::Hexahedron || shape == Shape::Pyramid);
     if (new_order && upright) {
       // Eight corners, eight edges of the base and the top, then the upright edges above corners 0, 1, 3, 2.
@@ -99,28 +130,8 @@ std::string why_not(std::int64_t type) {
 }  // namespace
 
 VtkCell vtk_cell(Shape shape, int order) {
-  VtkCell cell;
-  cell.type = type_of(shape, order);
-  const std::vector<int>& node_at = nodes_by_position(shape, order);
-  const auto side = std::size_t(order) + 1;
-  for (const Position& position : node_positions(NodeOrder::Vtk, shape, order)) {
-    Position at = position;
-    if (shape == Shape::Pyramid && order > 1) {
-      // The pyramid has nodes for the hexahedron's corners, upright edges, base and top; other points are additional.
-      const bool corner = (at[0] == 0 || at[0] == order) && (at[1] == 0 || at[1] == order);
-      if (at[2] == order) {
-        at = {0, 0, order};
-      } else if (at[2] != 0 && !corner) {
-        cell.nodes.push_back(-1);
-        continue;
-      } else if (at[2] != 0) {
-        for (std::size_t k = 0; k < 2; ++k) at[k] = at[k] == 0 ? 0 : order - at[2];
-      }
-    }
-    cell.nodes.push_back(node_at[std::size_t(at[0]) + side * (std::size_t(at[1]) + side * std::size_t(at[2]))]);
-    assert(cell.nodes.back() >= 0);
-  }
-  return cell;
+  const std::uint8_t type = type_of(shape, order);
+  return {type, listed_nodes(shape, order, is_mirrored(type))};
 }
 
 Expected<VtkKind> vtk_kind(std::int64_t type, std::size_t nodes, bool new_order) {
@@ -132,7 +143,7 @@ Expected<VtkKind> vtk_kind(std::int64_t type, std::size_t nodes, bool new_order)
     if (fixed.type != type) continue;
     if (nodes != std::size_t(reference::node_count(fixed.shape, fixed.order)))
       return bad_input(cell + " has " + std::to_string(nodes) + " nodes");
-    return VtkKind{fixed.shape, fixed.order, &places_of(fixed.shape, fixed.order, true)};
+    return VtkKind{fixed.shape, fixed.order, &places_of(fixed.shape, fixed.order, true, is_mirrored(int(type)))};
   }
   for (const auto& [lagrange, shape] : kLagrange) {
     if (lagrange != type) continue;

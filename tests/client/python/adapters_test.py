@@ -47,6 +47,9 @@ class Form(support.WithServer):
         self.assertEqual([(block.shape, block.physical, block.nodes.tolist()) for block in mesh.blocks],
                          [("tetrahedron", (3,), [[0, 1, 2, 3]]), ("tetrahedron", (4,), [[1, 4, 2, 3]])])
         self.assertEqual(self.client.quality(grid).number.tolist(), [0, 1])
+        prism = types.SimpleNamespace(points=np.vstack([points, [[1, 0, 1]]]), celltypes=np.array([13]),
+                                      offset=np.array([0, 6]), cell_connectivity=np.arange(6))
+        self.assertEqual(varimesh.from_pyvista(prism).blocks[0].nodes.tolist(), [[0, 2, 1, 3, 5, 4]])
         grid.celltypes = np.array([71, 71])
         with self.assertRaisesRegex(varimesh.BadMesh, "VTK type 71 with 4 nodes"):
             varimesh.from_pyvista(grid)

@@ -1,14 +1,18 @@
 #!/usr/bin/python3
-"""check_vtu.py map FOLDER | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp runs it.
+"""check_vtu.py map FOLDER | outward FOLDER | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
+runs it.
 
 map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK evaluates
 its cell at inner points and must find the map's values, the cell's numbers and its fields.
+outward: each file SHAPE_ORDER.vtu holds one reference cell. VTK's volume, computed from tetrahedra and from the surface, must
+be its own with the sign, and each of VTK's faces must point outwards. In 2-D the same goes for the area and the normal.
 measure: the cells' areas or volumes must add up to MEASURE within 1.5 %, since VTK measures linear pieces.
 """
 import glob
 import os
 import sys
 
+import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
@@ -27,11 +31,16 @@ def mapped(dim, order, x, y, z):
     return x + 0.2 * y**order, y + 0.1 * z**order, z + 0.15 * x**order
 
 
-def reference(shape, order, r, s, t):
+LINEAR_WEDGE = 13
+
+
+def reference(shape, order, cell_type, r, s, t):
     """VariMesh's reference coordinates from VTK's parametric ones, which go from 0 to 1."""
     x, y, z = 2 * r - 1, 2 * s - 1, 2 * t - 1
     if shape == "pyramid" and order > 1:  # a hexahedron collapsed towards the apex
         return x * (1 - t), y * (1 - t), z
+    if cell_type == LINEAR_WEDGE:  # the mirror image of the Lagrange wedge
+        return y, x, z
     return x, y, z
 
 
@@ -45,16 +54,53 @@ def check_map(path):
     assert data.GetArray("element").GetTuple1(0) == 7, path
     assert data.GetArray("physical").GetTuple1(0) == 5, path
     assert data.GetArray("order").GetTuple1(0) == order, path
+    cell = grid.GetCell(0)
     if shape == "pyramid" and order == 1:
         return  # VTK's linear pyramid has another map inside; check_msh.py checks its corners
-    cell = grid.GetCell(0)
     for point in ((0.2, 0.3, 0.1), (0.1, 0.15, 0.6), (0.5, 0.05, 0.3), (0.05, 0.55, 0.35)):
         value = [0.0] * 3
         cell.EvaluateLocation(vtk.reference(0), point, value, [0.0] * grid.GetNumberOfPoints())
-        x, y, z = reference(shape, order, *point)
+        x, y, z = reference(shape, order, cell.GetCellType(), *point)
         wanted = mapped(dim, order, x, y, z)
         error = max(abs(a - b) for a, b in zip(value, wanted))
         assert error < 1e-9, "%s at %s: %s, not %s" % (path, point, value, wanted)
+
+
+def corner_normal(points):
+    """The normal at the first corner of a face, whose corners come first in its list; zero if a side has no length."""
+    return np.cross(points[1] - points[0], points[2] - points[0])
+
+
+def check_outward(path):
+    measures = {"triangle": 2, "quadrilateral": 4, "tetrahedron": 4 / 3, "pyramid": 8 / 3, "prism": 4, "hexahedron": 8}
+    shape = os.path.basename(path).split("_")[0]
+    grid = read(path)
+    points = vtk_to_numpy(grid.GetPoints().GetData())
+    cell = grid.GetCell(0)
+    sizes = vtk.vtkCellSizeFilter()
+    sizes.SetInputData(grid)
+    sizes.Update()
+    flat = cell.GetCellDimension() == 2
+    found = sizes.GetOutput().GetCellData().GetArray("Area" if flat else "Volume").GetTuple1(0)
+    assert abs(found - measures[shape]) < 1e-12 * measures[shape], "%s: %g" % (path, found)
+    if flat:
+        assert corner_normal(points[[cell.GetPointId(k) for k in range(3)]])[2] > 0, path
+        return
+    for number in range(cell.GetNumberOfFaces()):
+        face = cell.GetFace(number)
+        corners = points[[face.GetPointId(k) for k in range(3)]]
+        # A pyramid that is a hexahedron has one face without an area.
+        assert np.dot(corner_normal(corners), corners[0] - points.mean(axis=0)) >= 0, "%s: face %d points inwards" % (path, number)
+    surface = vtk.vtkDataSetSurfaceFilter()
+    surface.SetInputData(grid)
+    triangles = vtk.vtkTriangleFilter()
+    triangles.SetInputConnection(surface.GetOutputPort())
+    triangles.Update()
+    corners = vtk_to_numpy(triangles.GetOutput().GetPoints().GetData())[
+        vtk_to_numpy(triangles.GetOutput().GetPolys().GetData()).reshape(-1, 4)[:, 1:]
+    ].astype(float)
+    enclosed = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    assert abs(enclosed - measures[shape]) < 1e-6 * measures[shape], "%s: the surface encloses %g" % (path, enclosed)
 
 
 def check_measure(path, measure, cells):
@@ -70,10 +116,10 @@ def check_measure(path, measure, cells):
     assert abs(total - measure) < 0.015 * measure, "%s: %g, not %g" % (path, total, measure)
 
 
-if sys.argv[1] == "map":
+if sys.argv[1] in ("map", "outward"):
     files = sorted(glob.glob(os.path.join(sys.argv[2], "*.vtu")))
     assert files
     for file in files:
-        check_map(file)
+        (check_map if sys.argv[1] == "map" else check_outward)(file)
 else:
     check_measure(sys.argv[2], float(sys.argv[3]), int(sys.argv[4]))

@@ -44,6 +44,22 @@ TEST(Vtu, VtkSeesTheMapThatWasWritten) {
   EXPECT_EQ(run_script("check_vtu.py", "map '" + folder.path() + "'"), 0);
 }
 
+// Reference cells. In VTK's eyes they have their volumes, with the sign, and their faces point outwards.
+TEST(Vtu, VtkFindsPositiveVolumesAndOutwardFaces) {
+  if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  const test::Folder folder;
+  for (Shape shape : kCells)
+    for (int order = 1; order <= 10; ++order) {
+      HighOrderMesh mesh = test::one_cell(shape, order);
+      const auto& at = reference::nodes(shape, order, reference::NodeSet::Equispaced, mesh.dimension);
+      for (Eigen::Index i = 0; i < at.rows(); ++i)
+        for (Eigen::Index k = 0; k < at.cols(); ++k) mesh.coordinates[3 * std::size_t(i) + std::size_t(k)] = at(i, k);
+      const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order) + ".vtu";
+      ASSERT_TRUE(formats::write_file(mesh, Format::Vtu, folder.file(name)));
+    }
+  EXPECT_EQ(run_script("check_vtu.py", "outward '" + folder.path() + "'"), 0);
+}
+
 TEST(Vtu, VtkMeasuresTheWholeMesh) {
   if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
   const test::Folder folder;

@@ -190,10 +190,16 @@ TEST(VtuRead, KnowsTheCellsOfFixedOrder) {
   expect_on_lattice(grid_of(72, old, "2.0"), Shape::Hexahedron, 2);
   const Nodes voxel = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {2, 2, 0}, {0, 0, 2}, {2, 0, 2}, {0, 2, 2}, {2, 2, 2}};
   expect_on_lattice(grid_of(11, voxel), Shape::Hexahedron, 1);
-  const Nodes prism = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {2, 0, 2}, {0, 2, 2},
-                       {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {1, 0, 2}, {1, 1, 2}, {0, 1, 2},
-                       {0, 0, 1}, {2, 0, 1}, {0, 2, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
+  // The base of VTK's wedges is clockwise seen from the other triangle; only that of the Lagrange wedge is not.
+  const Nodes prism = {{0, 0, 0}, {0, 2, 0}, {2, 0, 0}, {0, 0, 2}, {0, 2, 2}, {2, 0, 2},
+                       {0, 1, 0}, {1, 1, 0}, {1, 0, 0}, {0, 1, 2}, {1, 1, 2}, {1, 0, 2},
+                       {0, 0, 1}, {0, 2, 1}, {2, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}};
   expect_on_lattice(grid_of(32, prism), Shape::Prism, 2);
+  expect_on_lattice(grid_of(13, Nodes(prism.begin(), prism.begin() + 6)), Shape::Prism, 1);
+  Nodes lagrange = prism;
+  for (auto& at : lagrange) std::swap(at[0], at[1]);
+  expect_on_lattice(grid_of(73, lagrange), Shape::Prism, 2);
+  expect_on_lattice(grid_of(73, Nodes(lagrange.begin(), lagrange.begin() + 6)), Shape::Prism, 1);
   const Nodes tet = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {1, 0, 0},
                      {1, 1, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {0, 1, 1}};
   expect_on_lattice(grid_of(24, tet), Shape::Tetrahedron, 2);
