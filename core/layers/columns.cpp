@@ -21,6 +21,9 @@ constexpr double kOn = 0.8;
 /// The first edge is short, so that it cannot be confused with another. It may lean: layers are not always made along
 /// normals.
 constexpr double kOffTheWall = 0.3;
+/// With Walls::All a column ends where the next cell is lower than this times the one below: there it would go down the
+/// layers of the wall on the other side.
+constexpr double kShrinks = 0.8;
 /// A facet is curved if a node lies this far from the straight facet, relative to the length of its shortest edge.
 constexpr double kCurved = 1e-6;
 
@@ -200,10 +203,14 @@ void begin_columns(const HighOrderMesh& mesh, Columns& columns) {
   }
 }
 
+double last_height(const HighOrderMesh& mesh, const std::vector<std::int32_t>& column) {
+  return (point(mesh, column.back()) - point(mesh, column[column.size() - 2])).norm();
+}
+
 /// Raises all columns that still rise by one level. Returns whether one has risen. If two columns want the same vertex,
 /// the straighter one gets it, and the other ends.
 bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<Vector>& directions,
-           std::vector<std::int32_t>& rising, Columns& columns) {
+           std::vector<std::int32_t>& rising, Walls which, Columns& columns) {
   std::vector<Rise> rises(rising.size());
   for (std::size_t i = 0; i < rising.size(); ++i) {
     const std::size_t column = at(rising[i]);
@@ -213,6 +220,8 @@ bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<
       const Vector edge = point(mesh, to) - point(mesh, from);
       const bool is_first = columns.vertices[column].size() == 1;
       if (is_first && edge.norm() >= kThin * columns.size[column]) continue;
+      if (!is_first && which == Walls::All && edge.norm() < kShrinks * last_height(mesh, columns.vertices[column]))
+        continue;
       const double cosine = edge.dot(directions[column]) / edge.norm();
       if (cosine > (is_first ? kOffTheWall : kOn) && cosine > rises[i].cosine) rises[i] = {to, cosine};
     }
@@ -248,7 +257,7 @@ Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls whic
   const Neighbours neighbours(mesh, cells);
   std::vector<std::int32_t> rising(columns.vertices.size());
   std::iota(rising.begin(), rising.end(), 0);
-  while (raise(mesh, neighbours, direction, rising, columns)) continue;
+  while (raise(mesh, neighbours, direction, rising, which, columns)) continue;
   return columns;
 }
 

@@ -18,6 +18,10 @@ using detail::LayerCell;
 /// annulus the distance is 1e-6 if the nodes lie on circles, and .03 after the elements were made as straight as they
 /// go.
 constexpr double kEven = 0.02;
+/// The same if the spacing is to change.
+constexpr double kSpaced = 1e-3;
+/// The spacing of cells that are higher than this, relative to their width, does not change.
+constexpr double kHighest = 2;
 
 class Start {
  public:
@@ -68,10 +72,11 @@ class Start {
     const bool may_move = changes_spacing_ || !are_valid(before_);
     for (const LayerCell& cell : placement_.cells) {
       const bool is_valid = before_[at(cell.cell)].is_valid();
-      if (is_valid && unevenness(cell) <= kEven)
+      const bool is_low = cell.height < (changes_spacing_ ? kHighest : 1) * cell.width;
+      if (is_valid && unevenness(cell) <= (changes_spacing_ && is_low ? kSpaced : kEven))
         kinds_.push_back(Kind::Even);
       else
-        kinds_.push_back(may_move && (cell.is_thin || !is_valid) ? Kind::Placed : Kind::Left);
+        kinds_.push_back(may_move && (is_low || !is_valid) ? Kind::Placed : Kind::Left);
     }
   }
 

@@ -32,7 +32,8 @@ struct LayerStart {
 /// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells
 /// that
 ///   would lose a certificate by it, and those that do not become valid, get their nodes back.
-/// - With a spacing that is not kept, the walls may be flat, and the nodes of all cells that are lower than wide go to
+/// - With a spacing that is not kept, the walls may be flat, and the nodes of all cells that are at most twice as high
+/// as wide go to
 ///   parallel surfaces with that spacing.
 /// - If at least one cell of the mesh becomes certified valid by this, the nodes stay there. If all are valid then, the
 /// nodes

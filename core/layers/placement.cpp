@@ -156,7 +156,7 @@ class Placer {
       cell.height = std::min(
           cell.height, (point(mesh_, vertices[at(cell.level)]) - point(mesh_, vertices[at(cell.level) - 1])).norm());
     }
-    cell.is_thin = cell.height < size;
+    cell.width = size;
     return true;
   }
 

@@ -15,7 +15,7 @@ struct LayerCell {
   std::int32_t facet = -1;  ///< Columns::facets.
   std::int32_t level = 0;   ///< Of its upper vertices; at least 1.
   double height = 0;        ///< The shortest edge of the columns in it, in the unit of length of the mesh.
-  bool is_thin = false;     ///< It is lower than the shortest edge of the wall below it.
+  double width = 0;         ///< The shortest edge of the wall below it.
 };
 
 /// Where the nodes of layers lie in the mesh as it is, and where they would lie on parallel surfaces.

@@ -10,15 +10,18 @@ namespace {
 
 using Vector = Eigen::Vector3d;
 
-/// The height, relative to the wall's edges and times the order, at which the grading has half of its weight. Higher
-/// cells are graded at the cost of waves: with twice this, their H1 error rises by up to a fifth (docs/accuracy.md).
-constexpr double kFadesAt = 2.1;
+/// The height, relative to the wall's edges, at which the grading has half of its weight. In higher cells waves lose
+/// accuracy by it, at order 2 sooner than at higher orders (docs/accuracy.md).
+double fades_at(int order) { return order == 2 ? 1.2 : 1.75; }
+/// The share of the growth that the nodes follow. If they follow all of it, solutions that decay faster than an
+/// exponential lose more, and exponentials gain hardly more.
+constexpr double kShareOfGrowth = 0.6;
 /// A cell does not grow by more from one end to the other, whatever its neighbours are.
 constexpr double kMostGrowth = 4;
 
 /// The share of a cell's height below the share ξ of its nodes.
 double graded(double xi, double growth) {
-  const double rate = std::log(std::clamp(growth, 1 / kMostGrowth, kMostGrowth));
+  const double rate = kShareOfGrowth * std::log(std::clamp(growth, 1 / kMostGrowth, kMostGrowth));
   return std::abs(rate) < 1e-6 ? xi : std::expm1(rate * xi) / std::expm1(rate);
 }
 
@@ -65,7 +68,7 @@ std::vector<Vector> spaced_column(const std::vector<Vector>& points, int cells, 
   std::vector<Vector> spaced = points;
   for (int cell = 0; cell < cells; ++cell) {
     const double weight =
-        spacing == LayerSpacing::Graded ? 1 / (1 + std::pow(heights[at(cell)] * order / (kFadesAt * size), 4)) : 0;
+        spacing == LayerSpacing::Graded ? 1 / (1 + std::pow(heights[at(cell)] / (fades_at(order) * size), 4)) : 0;
     const double ratio = growth(heights, at(cell));
     for (int node = 1; node < order; ++node) {
       const double xi = static_cast<double>(node) / order;

@@ -11,11 +11,12 @@ namespace varimesh::detail {
 /// The nodes of a column, moved along it to the spacing that is wanted. Vertices stay.
 ///
 /// Even: the nodes of a cell are at equal distances. Graded: they follow the growth g of the layers. At the share ξ of
-/// the nodes between two vertices, the share of the distance is t = (g^ξ − 1)/(g − 1), with g² the ratio of the heights
-/// above and below the cell, or g the ratio to its only neighbour. In a geometric progression of heights t is the same
-/// smooth function through all layers, so an exponential of the distance is nearly a polynomial of ξ in each. The nodes
-/// go to (1 − w) e + w t, with the even spacing e = ξ and w = 1/(1 + (h/h₀)⁴), which fades where a cell of height h is
-/// no longer thin: h₀ = 2.1/P times `size`.
+/// the nodes between two vertices, the share of the distance is t = (g^αξ − 1)/(g^α − 1), with g² the ratio of the
+/// heights above and below the cell, or g the ratio to its only neighbour, and α = .6. With α = 1 and a geometric
+/// progression of heights, t would be the same smooth function through all layers, in which exp(−n/δ) is nearly a
+/// polynomial; with .6 other solutions gain too. The nodes go to (1 − w) e + w t, with the even spacing e = ξ and
+/// w = 1/(1 + (h/h₀)⁴), which fades where a cell of height h is no longer thin: h₀ = 1.75 times `size`, or 1.2 times at
+/// order 2.
 ///
 /// @param points  of the column, P per cell and one more, lowest first; those above the last whole cell stay
 /// @param cells   how many of its cells are whole
