@@ -10,7 +10,7 @@
 
 #include "client/client.h"
 #include "core/formats/formats.h"
-#include "core/marks/marks.h"
+#include "core/optimise/marks/marks.h"
 #include "core/optimise/on_geometry/optimise_on_geometry.h"
 
 namespace varimesh {

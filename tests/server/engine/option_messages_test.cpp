@@ -50,10 +50,11 @@ TEST(OptionMessages, HaveTheFieldsAndWordsOfAGeometry) {
     const auto* choice = std::get_if<ChoiceOf<GeometryOptions>>(&option.member);
     if (choice == nullptr) continue;
     ASSERT_EQ(static_cast<std::size_t>(field->enum_type()->value_count()), choice->words.size() + 1) << option.name;
-    for (int i = 1; i < field->enum_type()->value_count(); ++i)
-      EXPECT_TRUE(field->enum_type()->FindValueByNumber(i)->name().ends_with(
-          testing::internal::ToUpper(std::string(choice->words[static_cast<std::size_t>(i) - 1]))))
-          << option.name;
+    for (int i = 1; i < field->enum_type()->value_count(); ++i) {
+      std::string word(choice->words[static_cast<std::size_t>(i) - 1]);
+      for (char& letter : word) letter = testing::internal::ToUpper(letter);
+      EXPECT_TRUE(field->enum_type()->FindValueByNumber(i)->name().ends_with(word)) << option.name;
+    }
   }
   // Beside the options there is only the digest.
   EXPECT_EQ(static_cast<std::size_t>(message->field_count()), geometry_option_table().size() + 1);
