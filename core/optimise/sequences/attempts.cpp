@@ -65,13 +65,14 @@ bool leaves_hope(const Result& result) {
 /// Whether the objective is to raise the smallest scaled Jacobian, and the objective accuracy may raise it further.
 bool may_rise(const Options& options, const Result& result) {
   constexpr double kHardlyToBeRaised = 0.95;
-  return options.objective == Objective::Worst && merit_of(result.after).smallest < kHardlyToBeRaised;
+  return options.objective == Objective::Worst && options.until != Until::Valid && left(result) == 0 &&
+         merit_of(result.after).smallest < kHardlyToBeRaised;
 }
 
 /// Whether the descent has found no way down from a valid mesh, although it looked for one.
 bool has_stayed(const SetUp& set_up, const Result& result) {
-  return set_up.options.objective == Objective::Accuracy && left(result) == 0 && result.iterations > 0 &&
-         set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
+  return set_up.options.objective == Objective::Accuracy && set_up.options.until != Until::Valid && left(result) == 0 &&
+         result.iterations > 0 && set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
 }
 
 /// How good the mesh is, as the end of a sentence.
