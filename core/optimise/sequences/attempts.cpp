@@ -78,9 +78,8 @@ bool has_stayed(const SetUp& set_up, const Result& result) {
 /// How good the mesh is, as the end of a sentence.
 std::string outcome_text(const Result& result) {
   const Merit merit = merit_of(result.after);
-  if (merit.uncertified > 0)
-    return std::to_string(merit.uncertified) + (merit.uncertified == 1 ? " element is" : " elements are") +
-           " not certified valid";
+  if (const std::int64_t count = left(result); count > 0)
+    return std::to_string(count) + (count == 1 ? " element is" : " elements are") + " not certified valid";
   char text[128];
   std::snprintf(text, sizeof text, "every element is valid, the smallest scaled Jacobian is %.3g", merit.smallest);
   if (merit.loss == 0 || !std::isfinite(merit.loss)) return text;  // straight-sided elements have no loss
@@ -112,7 +111,7 @@ class Attempts {
       std::optional<Result> other = run(options_of(each), set_up_.mesh.coordinates);
       if (!other) continue;
       tried_ += (tried_.empty() ? "" : ", ") + std::string(each.name);
-      if (!is_better_than(*other, so_far)) continue;
+      if (!should_take(*other, so_far)) continue;
       best = std::move(other);
       way = &each;
     }
@@ -138,7 +137,7 @@ class Attempts {
     return options.objective == Objective::Accuracy || !is_same;
   }
 
-  bool is_better_than(const Result& other, const Result& so_far) const {
+  bool should_take(const Result& other, const Result& so_far) const {
     const bool came_valid = result_.before.uncertified.empty();
     Asked asked = set_up_.options.objective == Objective::Worst ? kAskForMinimum : Asked{};
     if (came_valid) {
@@ -217,7 +216,7 @@ class Attempts {
       most_work_ += work_;
       work_of_each_ = most_work_;  // this run is no attempt
       std::optional<Result> whole = run(set_up_.options, best.mesh.coordinates);
-      if (whole && !is_better_than(best, *whole)) best = std::move(*whole);
+      if (whole && !should_take(best, *whole)) best = std::move(*whole);
     }
     if (has_stayed(set_up_, result_)) result_.notes.clear();  // they say that nothing was moved
     result_.notes.push_back("By the run's own way, " + before + ". With " + way.name + ", " + after +
