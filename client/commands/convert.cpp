@@ -8,6 +8,7 @@
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
 #include "core/formats/formats.h"
+#include "core/formats/reading_notes.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/marks/marks.h"
@@ -51,6 +52,7 @@ int convert(const Arguments& arguments) {
   if (const auto writable = formats::check_writable(arguments.output); !writable) return print_error(writable.error());
   auto file = formats::read_file(arguments.input, machine_memory(), kAllThreads);
   if (!file) return print_error(file.error());
+  for (const std::string& note : formats::reading_notes(file->mesh)) std::cerr << "varimesh: " << note << "\n";
   const auto format = formats::for_output(arguments.output, requested, file->format);
   if (!format) return print_error(format.error());
 

@@ -13,6 +13,7 @@
 #include "client/process/interrupts.h"
 #include "core/diagnosis/diagnosis.h"
 #include "core/formats/formats.h"
+#include "core/formats/reading_notes.h"
 #include "core/mesh/check.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
@@ -78,6 +79,7 @@ int quality(const Arguments& arguments) {
   if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
   auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
   if (!file) return print_error(file.error());
+  for (const std::string& note : formats::reading_notes(file->mesh)) std::cerr << "varimesh: " << note << "\n";
   Options options;
   options.threads = arguments.threads;
   const auto mesh = summarise(file->mesh, options);

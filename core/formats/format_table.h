@@ -24,6 +24,8 @@ struct FormatEntry {
   std::string (*left_out)(const HighOrderMesh& mesh) = nullptr;
   /// As check_sides() of formats.h, inside team.run(). Null if the format can hold any.
   Expected<void> (*check_sides)(const HighOrderMesh& mesh, const Team& team) = nullptr;
+  /// Up to which order the format has serendipity elements, which `write` then gets if they came so. 0: it has none.
+  int serendipity_order = 0;
 };
 
 /// The formats of this library. If several formats have the same extension, the last of them is the one that is written

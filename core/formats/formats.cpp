@@ -5,7 +5,9 @@
 #include <array>
 #include <cassert>
 #include <filesystem>
+#include <optional>
 
+#include "core/formats/common/reading_notes.h"
 #include "core/formats/format_table.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
@@ -18,6 +20,7 @@
 #include "core/formats/su2/su2.h"
 #include "core/formats/vtu/read.h"
 #include "core/formats/vtu/write.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -34,17 +37,17 @@ constexpr FormatEntry row(Format format, std::string_view extension, Functions..
 
 // One row per format.
 constexpr std::array kTable = {
-    row(Format::Msh22, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
-    row(Format::Msh22Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
-    row(Format::Msh41, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
-    row(Format::Msh41Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh),
-    row(Format::Vtu, ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu),
+    row(Format::Msh22, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
+    row(Format::Msh22Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
+    row(Format::Msh41, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
+    row(Format::Msh41Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
+    row(Format::Vtu, ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu, nullptr, 2),
     row(Format::Mfem, ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem, check_mfem_sides),
     row(Format::Nektar, ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar, check_nektar_sides),
     row(Format::Su2, ".su2", nullptr, nullptr, write_su2, not_in_su2),
     row(Format::Ism, ".ism", begins_like_ism, read_ism),
     row(Format::Hopr, ".h5", begins_like_hdf5, read_hdf5, write_hdf5, not_in_hopr, check_hopr_sides),
-    row(Format::Cgns, ".cgns", begins_like_hdf5, read_hdf5, write_hdf5, not_in_cgns),
+    row(Format::Cgns, ".cgns", begins_like_hdf5, read_hdf5, write_hdf5, not_in_cgns, nullptr, 4),
     row(Format::Pyfr, ".pyfrm", nullptr, nullptr, write_hdf5, not_in_pyfr, check_pyfr_sides),
 };
 
@@ -96,6 +99,37 @@ tl::unexpected<Error> only_read(std::span<const FormatEntry> table, const Format
                     written_names(table) + ".");
 }
 
+// Completes serendipity elements and those of lower order, and notes it.
+Expected<void> complete(HighOrderMesh& mesh, std::int64_t file_bytes, int threads, const StopToken* stop) {
+  std::int64_t taken = std::int64_t(mesh.node_count()) * std::int64_t(4 * sizeof(double));
+  for (const ElementBlock& block : mesh.blocks)
+    taken += std::int64_t(block.nodes.size() * sizeof(std::int32_t) + block.size() * sizeof(std::int64_t));
+  Allowance allowance(most_memory_to_read(file_bytes, threads) - taken, stop);
+  const auto done = complete_elements(mesh, allowance);
+  if (!done) return tl::unexpected(done.error());
+  note_reading(mesh, done->sentences);
+  remember_serendipity(mesh, done->serendipity);
+  return {};
+}
+
+// The mesh with the serendipity elements that it came with, if it still consists of such and the format has them.
+std::optional<HighOrderMesh> as_it_came(const HighOrderMesh& mesh, const FormatEntry& entry) {
+  const std::vector<Shape> shapes = serendipity_of(mesh);
+  if (shapes.empty() || mesh.order > entry.serendipity_order) return std::nullopt;
+  return as_serendipity(mesh, shapes);
+}
+
+// Why elements that came as serendipity elements are not written so; empty if they are.
+std::string no_serendipity(const HighOrderMesh& mesh, const FormatEntry& entry) {
+  if (serendipity_of(mesh).empty() || as_it_came(mesh, entry)) return {};
+  const std::string complete =
+      "The elements that came as serendipity elements are written as complete elements of order " +
+      std::to_string(mesh.order) + ", because ";
+  return complete + (mesh.order > entry.serendipity_order
+                         ? "the format has no others."
+                         : "the nodes inside their faces are no longer where serendipity elements would have them.");
+}
+
 // Standard output is a device of this name, also if it goes into a file. /dev/shm is a folder for files in memory.
 bool is_device_or_pipe(std::string_view path) {
   std::error_code error;
@@ -145,6 +179,9 @@ Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view byt
     team.set_stop(stop);
     Expected<MeshFile> file;
     team.run([&] { file = entry->read(bytes, team); });
+    if (file)
+      if (const auto done = complete(file->mesh, std::int64_t(bytes.size()), threads, stop); !done)
+        return tl::unexpected(done.error());
     return file;
   } catch (const ReadFailure& failure) {
     return bad_input(failure.sentence);
@@ -162,7 +199,8 @@ Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& me
   if (entry->write == nullptr) return only_read(table, *entry);
   const Team team(threads);
   Expected<void> written;
-  team.run([&] { written = entry->write(mesh, entry->format, sink, fields, team); });
+  const std::optional<HighOrderMesh> came = as_it_came(mesh, *entry);
+  team.run([&] { written = entry->write(came ? *came : mesh, entry->format, sink, fields, team); });
   return written;
 }
 
@@ -193,7 +231,10 @@ Expected<MeshFile> read(std::string_view bytes, int threads, const StopToken* st
 std::string left_out(const HighOrderMesh& mesh, Format format) {
   const FormatEntry* entry = find(kTable, format == Format::Auto ? kDefaultFormat : format);
   assert(entry != nullptr);
-  return entry->left_out == nullptr ? "" : entry->left_out(mesh);
+  std::string text = entry->left_out == nullptr ? "" : entry->left_out(mesh);
+  const std::string complete = no_serendipity(mesh, *entry);
+  if (!text.empty() && !complete.empty()) text += " ";
+  return text + complete;
 }
 
 Expected<void> check_sides(const HighOrderMesh& mesh, Format format, int threads) {

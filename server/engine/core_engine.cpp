@@ -11,6 +11,7 @@
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
+#include "core/formats/reading_notes.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
@@ -230,6 +231,8 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
   if (!*file) return RunOutcome(stopped_early());
+  for (const std::string& note : formats::reading_notes((*file)->mesh))
+    if (hooks.on_note) hooks.on_note(note);
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
@@ -260,9 +263,9 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   request.options.threads = std::min(request.options.threads, most);
   v1::Metrics of_geometry;
   auto result = request.quality ? judge(std::move(*checked), *request.quality, request.options, hooks)
-                : *geometry ? optimise_sliding(std::move(checked->mesh), **geometry, request.model.get(),
-                                               request.options, control, hooks, of_geometry)
-                            : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
+                : *geometry     ? optimise_sliding(std::move(checked->mesh), **geometry, request.model.get(),
+                                                   request.options, control, hooks, of_geometry)
+                                : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());
   if (wanted)

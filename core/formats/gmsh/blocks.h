@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/base/io/scanner.h"
-#include "core/mesh/high_order_mesh.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -66,8 +66,8 @@ class Joiner {
   bool begins_like_last(const std::vector<ElementBlock>& piece) const {
     if (blocks_.empty() || piece.empty()) return false;
     const ElementBlock &last = blocks_.back(), &first = piece.front();
-    if (last.shape != first.shape || last.order != first.order) return false;
-    const auto nodes = std::ptrdiff_t(last.nodes.size() / last.size());
+    if (last.shape != first.shape || nodes_per_element(last) != nodes_per_element(first)) return false;
+    const auto nodes = std::ptrdiff_t(nodes_per_element(last));
     return std::equal(last.nodes.end() - nodes, last.nodes.end(), first.nodes.begin());
   }
 
@@ -88,8 +88,8 @@ class Joiner {
   }
 
   static bool fits(const ElementBlock& a, const ElementBlock& b) {
-    return a.shape == b.shape && a.order == b.order && a.entity == b.entity && a.physical == b.physical &&
-           a.partitions == b.partitions;
+    return a.shape == b.shape && a.order == b.order && nodes_per_element(a) == nodes_per_element(b) &&
+           a.entity == b.entity && a.physical == b.physical && a.partitions == b.partitions;
   }
 
   // Doubling the capacity would temporarily need up to three times the block's size. A block that is larger than a
@@ -98,7 +98,7 @@ class Joiner {
   void grow(ElementBlock& block, std::size_t more) const {
     if (block.size() + more <= block.numbers.capacity()) return;
     // The number of elements is what the file announces, which its bytes may be too few for.
-    const std::size_t per_element = block.nodes.size() / block.size(),
+    const std::size_t per_element = nodes_per_element(block),
                       least = scan_.binary ? 4 * (1 + per_element) : 2 * (3 + per_element),
                       all = block.size() + more + std::min(std::size_t(left_), bytes_left_ / least);
     scan_.reserve(block.numbers, all);

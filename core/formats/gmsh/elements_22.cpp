@@ -9,6 +9,7 @@
 #include "core/formats/common/pieces.h"
 #include "core/formats/gmsh/blocks.h"
 #include "core/formats/gmsh/read.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -86,7 +87,7 @@ class ElementReader {
 void ElementReader::set_type(int type) {
   kind_ = accepted_type(scan_, type);
   type_ = type;
-  node_count_ = std::size_t(reference::node_count(kind_.shape, kind_.order));
+  node_count_ = std::size_t(node_count(kind_));
   nodes_.resize(node_count_);
 }
 
@@ -146,8 +147,8 @@ void ElementReader::read_text() {
 
 bool ElementReader::fits_block(const ElementBlock& block) const {
   const GmshType kind = gmsh_type(held_.type);
-  return block.shape == kind.shape && block.order == kind.order && block.entity == held_.entity &&
-         block.physical == held_.physical && block.partitions == held_.partitions;
+  return block.shape == kind.shape && block.order == kind.order && nodes_per_element(block) == held_.nodes.size() &&
+         block.entity == held_.entity && block.physical == held_.physical && block.partitions == held_.partitions;
 }
 
 void ElementReader::flush() {
@@ -174,7 +175,7 @@ void ElementReader::hold_last() {
   const auto per_element = std::ptrdiff_t(block.nodes.size() / block.size());
   const auto repeats = std::ptrdiff_t(block.repeat_numbers.size() / block.size());
   held_.any = true;
-  held_.type = gmsh_type_number(block.shape, block.order);
+  held_.type = gmsh_type_number(block);
   held_.entity = block.entity;
   held_.clear_groups(scan_);
   for (const int group : block.physical) held_.add(group, scan_);
@@ -259,9 +260,8 @@ class GroupCutter {
       while (left_ > 0 && (end < kPieceBytes || (alike++ < kMostAlike && repeats_last()))) {
         if (group_.left == 0) group_ = read_group(ahead_, left_);
         const GmshType kind = gmsh_type(group_.type);
-        if (kind.kind != GmshType::Kind::Complete || group_.tags < 0) break;
-        const std::size_t size =
-            4 * (1 + std::size_t(group_.tags) + std::size_t(reference::node_count(kind.shape, kind.order)));
+        if (node_count(kind) == 0 || group_.tags < 0) break;
+        const std::size_t size = 4 * (1 + std::size_t(group_.tags) + std::size_t(node_count(kind)));
         if (ahead_.left() < size) break;
         ahead_.go_to(ahead_.offset() + size);
         end = ahead_.offset() - begin;
@@ -286,8 +286,7 @@ class GroupCutter {
     constexpr std::size_t kHeader = 12;
     const GmshType kind = gmsh_type(group_.type);
     if (group_.left > 0) return false;
-    const std::size_t size =
-        kHeader + 4 * (1 + std::size_t(group_.tags) + std::size_t(reference::node_count(kind.shape, kind.order)));
+    const std::size_t size = kHeader + 4 * (1 + std::size_t(group_.tags) + std::size_t(node_count(kind)));
     if (ahead_.left() < size) return false;
     return std::memcmp(ahead_.rest().data() - 4, ahead_.rest().data() + size - 4, 4) == 0;
   }

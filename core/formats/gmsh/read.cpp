@@ -52,7 +52,7 @@ std::int32_t NodeIndex::find_sorted(std::int64_t number) const {
 
 GmshType accepted_type(const Scanner& scanner, int number) {
   const GmshType type = gmsh_type(number);
-  if (type.kind != GmshType::Kind::Complete) scanner.fail(why_refused(number));
+  if (node_count(type) == 0) scanner.fail(why_refused(number));
   return type;
 }
 

@@ -58,7 +58,7 @@ void read_elements_40(GmshReading& reading) {
     if (dimension != reference::info(type.shape).dimension)
       scan.fail("an element block of dimension " + std::to_string(dimension) + " contains " +
                 std::string(reference::info(type.shape).plural));
-    const auto per_element = std::size_t(reference::node_count(type.shape, type.order));
+    const auto per_element = std::size_t(node_count(type));
     const std::int64_t n =
         scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 4 : 2));
     if (n > left) scan.fail("the element blocks have more elements than announced");

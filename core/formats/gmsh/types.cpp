@@ -4,6 +4,9 @@
 
 #include <array>
 
+#include "core/mesh/changes/serendipity_elements.h"
+#include "core/reference/serendipity.h"
+
 namespace varimesh::formats {
 
 namespace {
@@ -55,13 +58,23 @@ int gmsh_type_number(Shape shape, int order) {
   return order >= 1 && order <= kMaxOrder ? kComplete[std::size_t(shape)][std::size_t(order - 1)] : 0;
 }
 
+int gmsh_type_number(const ElementBlock& block) {
+  if (!is_serendipity(block)) return gmsh_type_number(block.shape, block.order);
+  return kIncomplete[std::size_t(block.shape)][std::size_t(block.order - 1)];
+}
+
+int node_count(const GmshType& type) {
+  if (type.kind == GmshType::Kind::Complete) return reference::node_count(type.shape, type.order);
+  return type.kind == GmshType::Kind::Incomplete ? reference::serendipity_node_count(type.shape, type.order) : 0;
+}
+
 std::string why_refused(int number) {
   const GmshType type = gmsh_type(number);
   if (type.kind == GmshType::Kind::Incomplete)
     return "element type " + std::to_string(number) + " is an incomplete (serendipity) " +
            std::string(reference::info(type.shape).name) + " of order " + std::to_string(type.order) +
-           ", without nodes inside its faces or volume; write complete elements, in Gmsh with "
-           "Mesh.SecondOrderIncomplete=0";
+           ", whose functions Gmsh does not define so that neighbours fit together; write complete elements, in Gmsh "
+           "with Mesh.SecondOrderIncomplete=0";
   return "element type " + std::to_string(number) +
          " is not known; use points, lines, triangles, quadrilaterals, tetrahedra, pyramids, prisms and hexahedra of "
          "order 1 to 10 (pyramids, prisms and hexahedra: 1 to 9)";

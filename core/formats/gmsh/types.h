@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/reference/shape.h"
+#include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
 
@@ -19,8 +19,14 @@ struct GmshType {
 /// The element type with this number. Incomplete types have a shape and order too.
 GmshType gmsh_type(int number);
 
+/// How many nodes such an element has; 0 if it cannot be read.
+int node_count(const GmshType& type);
+
 /// The number of the complete Lagrange element; 0 if Gmsh has none (order 10 of hexahedra, prisms and pyramids).
 int gmsh_type_number(Shape shape, int order);
+
+/// The number of the type of a block's elements, which may be serendipity ones.
+int gmsh_type_number(const ElementBlock& block);
 
 /// Why elements of the type with this number are refused, and what to do.
 std::string why_refused(int number);

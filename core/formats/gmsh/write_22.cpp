@@ -5,6 +5,7 @@
 
 #include "core/formats/gmsh/types.h"
 #include "core/formats/gmsh/write.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -101,8 +102,8 @@ void write_elements(const HighOrderMesh& mesh, BufferedOutput& out) {
   out.text_integer(lines);
   out.text("\n");
   for (const ElementBlock& block : mesh.blocks) {
-    const auto per_element = std::size_t(reference::node_count(block.shape, block.order));
-    const int type = gmsh_type_number(block.shape, block.order);
+    const std::size_t per_element = nodes_per_element(block);
+    const int type = gmsh_type_number(block);
     const std::size_t copies = copies_of(block);
     const bool known = has_repeat_numbers(block);
     // Tags of the groups. An element without a group has the tag 0.

@@ -5,6 +5,7 @@
 #include "core/formats/gmsh/entities.h"
 #include "core/formats/gmsh/types.h"
 #include "core/formats/gmsh/write.h"
+#include "core/mesh/changes/serendipity_elements.h"
 #include "core/mesh/node_parameters.h"
 
 namespace varimesh::formats {
@@ -93,9 +94,8 @@ void write_elements(const HighOrderMesh& mesh, const Classification& where, Buff
   out.end_line();
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const ElementBlock& block = mesh.blocks[b];
-    const auto per_element = std::size_t(reference::node_count(block.shape, block.order));
-    for (int value :
-         {reference::info(block.shape).dimension, where.block_entity[b], gmsh_type_number(block.shape, block.order)})
+    const std::size_t per_element = nodes_per_element(block);
+    for (int value : {reference::info(block.shape).dimension, where.block_entity[b], gmsh_type_number(block)})
       out.integer(value);
     out.size(std::int64_t(block.size()));
     out.end_line();

@@ -3,7 +3,9 @@
 #include <array>
 
 #include "core/formats/numbering/sides.h"
+#include "core/mesh/changes/serendipity_elements.h"
 #include "core/reference/nodes.h"
+#include "core/reference/serendipity.h"
 
 namespace varimesh::formats {
 
@@ -27,6 +29,12 @@ constexpr std::array kTypes = {
     Row{53, Shape::Prism, 4},         Row{17, Shape::Hexahedron, 1},   Row{19, Shape::Hexahedron, 2},
     Row{39, Shape::Hexahedron, 3},    Row{56, Shape::Hexahedron, 4},
 };
+
+/// QUAD_8, QUAD_12, QUAD_P4_16, HEXA_20, HEXA_32, HEXA_44, PENTA_15 and PYRA_13.
+constexpr std::array kSerendipity = {Row{8, Shape::Quadrilateral, 2},  Row{27, Shape::Quadrilateral, 3},
+                                     Row{43, Shape::Quadrilateral, 4}, Row{18, Shape::Hexahedron, 2},
+                                     Row{37, Shape::Hexahedron, 3},    Row{54, Shape::Hexahedron, 4},
+                                     Row{15, Shape::Prism, 2},         Row{21, Shape::Pyramid, 2}};
 
 /// The (i, j) of a square with 1 ≤ i, j ≤ n along a spiral from (1, 1) inwards: right, up, left, down.
 std::vector<std::array<int, 2>> spiral(int n) {
@@ -67,9 +75,20 @@ int cgns_type(Shape shape, int order) {
   return 0;
 }
 
+int cgns_type(const ElementBlock& block) {
+  if (!is_serendipity(block)) return cgns_type(block.shape, block.order);
+  for (const Row& row : kSerendipity)
+    if (row.shape == block.shape && row.order == block.order) return row.type;
+  return 0;
+}
+
 std::optional<CgnsType> cgns_element(std::int64_t type) {
   for (const Row& row : kTypes)
-    if (row.type == type) return CgnsType{row.shape, row.order};
+    if (row.type == type)
+      return CgnsType{row.shape, row.order, std::size_t(reference::node_count(row.shape, row.order))};
+  for (const Row& row : kSerendipity)
+    if (row.type == type)
+      return CgnsType{row.shape, row.order, std::size_t(reference::serendipity_node_count(row.shape, row.order))};
   return std::nullopt;
 }
 

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "core/formats/numbering/node_order.h"
+#include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
 
@@ -16,12 +17,17 @@ inline constexpr int kCgnsMixed = 20, kCgnsPolygons = 22, kCgnsPolyhedra = 23;
 struct CgnsType {
   Shape shape = Shape::Point;
   int order = 1;
+  std::size_t nodes =
+      1;  ///< Serendipity elements have the first nodes of complete ones, in CGNS's order and in Gmsh's.
 };
 
 /// The number of an element type, for orders up to kMostCgnsOrder.
 int cgns_type(Shape shape, int order);
 
-/// The element with this number; nothing if it is not one with all its nodes.
+/// The number of the type of a block's elements, which may be serendipity ones.
+int cgns_type(const ElementBlock& block);
+
+/// The element with this number; nothing if it cannot be read.
 std::optional<CgnsType> cgns_element(std::int64_t type);
 
 /// CGNS's order: vertices, edges, faces, interior. The nodes inside a quadrilateral follow a spiral from its border

@@ -5,7 +5,9 @@
 #include <cassert>
 
 #include "core/formats/numbering/node_order.h"
+#include "core/mesh/changes/serendipity_elements.h"
 #include "core/reference/cache.h"
+#include "core/reference/serendipity.h"
 
 namespace varimesh::formats {
 
@@ -85,12 +87,34 @@ constexpr std::array<Fixed, 14> kFixed = {{{1, Shape::Point, 1},
                                            {28, Shape::Quadrilateral, 2},
                                            {29, Shape::Hexahedron, 2},
                                            {32, Shape::Prism, 2}}};
+/// VTK's serendipity cells, all of order 2.
+constexpr std::array<std::pair<int, Shape>, 4> kSerendipity = {
+    {{23, Shape::Quadrilateral}, {25, Shape::Hexahedron}, {26, Shape::Prism}, {27, Shape::Pyramid}}};
 constexpr std::array<std::pair<int, Shape>, 6> kLagrange = {{{68, Shape::Line},
                                                              {69, Shape::Triangle},
                                                              {70, Shape::Quadrilateral},
                                                              {71, Shape::Tetrahedron},
                                                              {72, Shape::Hexahedron},
                                                              {73, Shape::Prism}}};
+
+/// The nodes of a serendipity cell, by VTK's order: vertices and edges, which come first in the complete cell too.
+std::vector<int> serendipity_nodes(Shape shape, int type) {
+  // From vtkQuadraticPyramid's documentation: the edges of the base, then those to the apex.
+  if (shape == Shape::Pyramid) return {0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12};
+  std::vector<int> nodes = listed_nodes(shape, 2, is_mirrored(type));
+  // The upright edges of VTK's quadratic hexahedra have the new order.
+  if (shape == Shape::Hexahedron) std::swap(nodes[18], nodes[19]);
+  nodes.resize(std::size_t(reference::serendipity_node_count(shape, 2)));
+  return nodes;
+}
+
+const std::vector<int>& serendipity_places(Shape shape, int type) {
+  static reference::Cache<int, std::vector<int>> cache;
+  return cache.get(type, [&] {
+    const std::vector<int> nodes = serendipity_nodes(shape, type);
+    return inverse(nodes, nodes.size());
+  });
+}
 
 /// The type of the cells that are written.
 std::uint8_t type_of(Shape shape, int order) {
@@ -105,11 +129,6 @@ std::uint8_t type_of(Shape shape, int order) {
 
 std::string why_not(std::int64_t type) {
   switch (type) {
-    case 23:
-    case 25:
-    case 26:
-    case 27:
-      return "is a serendipity cell, which has no nodes inside its faces; write Lagrange cells";
     case 74:
     case 37:
       return "is a pyramid of higher order, for which VTK has no function space that VariMesh shares";
@@ -134,6 +153,13 @@ VtkCell vtk_cell(Shape shape, int order) {
   return {type, listed_nodes(shape, order, is_mirrored(type))};
 }
 
+VtkCell vtk_cell(const ElementBlock& block) {
+  if (!is_serendipity(block)) return vtk_cell(block.shape, block.order);
+  const auto is_it = [&](const auto& each) { return each.second == block.shape; };
+  const int type = std::find_if(kSerendipity.begin(), kSerendipity.end(), is_it)->first;
+  return {std::uint8_t(type), serendipity_nodes(block.shape, type)};
+}
+
 Expected<VtkKind> vtk_kind(std::int64_t type, std::size_t nodes, bool new_order) {
   static const std::vector<int> kPixel = {0, 1, 3, 2}, kVoxel = {0, 1, 3, 2, 4, 5, 7, 6};
   const std::string cell = "a cell of VTK's type " + std::to_string(type);
@@ -144,6 +170,12 @@ Expected<VtkKind> vtk_kind(std::int64_t type, std::size_t nodes, bool new_order)
     if (nodes != std::size_t(reference::node_count(fixed.shape, fixed.order)))
       return bad_input(cell + " has " + std::to_string(nodes) + " nodes");
     return VtkKind{fixed.shape, fixed.order, &places_of(fixed.shape, fixed.order, true, is_mirrored(int(type)))};
+  }
+  for (const auto& [serendipity, shape] : kSerendipity) {
+    if (serendipity != type) continue;
+    if (nodes != std::size_t(reference::serendipity_node_count(shape, 2)))
+      return bad_input(cell + " has " + std::to_string(nodes) + " nodes");
+    return VtkKind{shape, 2, &serendipity_places(shape, serendipity)};
   }
   for (const auto& [lagrange, shape] : kLagrange) {
     if (lagrange != type) continue;

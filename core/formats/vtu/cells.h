@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/reference/shape.h"
+#include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
 
@@ -15,6 +15,9 @@ struct VtkCell {
   std::uint8_t type = 0;   ///< VTK's cell type.
   std::vector<int> nodes;  ///< For each VTK node, the node in Gmsh's order; −1 for additional points of pyramids.
 };
+
+/// The VTK cell for the elements of a block, which may be serendipity elements of order 2.
+VtkCell vtk_cell(const ElementBlock& block);
 
 /// The VTK cell for a shape and order: VTK's linear cells for order 1, Lagrange cells for higher orders. Pyramids of
 /// order 2 and above become Lagrange hexahedra whose top face is the apex. VTK 9.1 has no Lagrange pyramid, and its
@@ -26,7 +29,7 @@ VtkCell vtk_cell(Shape shape, int order);
 struct VtkKind {
   Shape shape = Shape::Point;
   int order = 1;
-  /// For each node in Gmsh's order, its place in the cell's list.
+  /// For each node in Gmsh's order, its place in the cell's list. Serendipity cells have fewer than complete ones.
   const std::vector<int>* places = nullptr;
 };
 

@@ -14,6 +14,7 @@
 #include "core/formats/vtu/declared.h"
 #include "core/formats/vtu/write.h"
 #include "core/formats/xml/xml.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -268,7 +269,7 @@ class Reading {
     if (cell >= alike_end_ || tip != last_tip_) {
       auto kind = vtk_kind(types_[cell], own.size(), new_order);
       if (!kind) fail(kind.error().sentence + " (cell " + std::to_string(cell) + ", counted from 0)");
-      is_pyramid_ = kind->shape == Shape::Hexahedron && kind->order > 1 && tip;
+      is_pyramid_ = kind->shape == Shape::Hexahedron && kind->order > 1 && types_[cell] != kHexahedron20 && tip;
       kind_ = is_pyramid_ ? vtk_pyramid(kind->order, new_order || types_[cell] == 29) : *kind;
       const bool starts = cell >= alike_end_;
       if (starts) alike_end_ = cell + alike(cell);
@@ -277,10 +278,10 @@ class Reading {
       // Hexahedra and pyramids may alternate, so only once for all that are alike.
       const std::size_t run = starts && !tip ? alike_end_ - cell : 1;
       allowance_.make_room(block.numbers, run);
-      allowance_.make_room(block.nodes, run * std::size_t(reference::node_count(kind_.shape, kind_.order)));
+      allowance_.make_room(block.nodes, run * kind_.places->size());
     }
     ElementBlock& block = mesh_.blocks.back();
-    const auto each = std::size_t(reference::node_count(kind_.shape, kind_.order));
+    const std::size_t each = kind_.places->size();
     allowance_.make_room(block.numbers, 1);
     allowance_.make_room(block.nodes, each);
     block.numbers.push_back(numbers_.empty() ? std::int64_t(cell) + 1 : numbers_[cell]);
@@ -296,12 +297,16 @@ class Reading {
     if (physical(cell) != 0) groups.push_back(physical(cell));
     std::vector<ElementBlock>& blocks = mesh_.blocks;
     if (blocks.empty() || blocks.back().shape != kind.shape || blocks.back().order != kind.order ||
-        blocks.back().physical != groups || blocks.back().entity != entity(cell)) {
+        nodes_per_element(blocks.back()) != kind.places->size() || blocks.back().physical != groups ||
+        blocks.back().entity != entity(cell)) {
       allowance_.take(1, sizeof(ElementBlock));
       blocks.push_back({kind.shape, kind.order, entity(cell), groups, {}, {}, {}, {}});
     }
     return blocks.back();
   }
+
+  /// VTK's type of hexahedra that have no nodes inside their faces.
+  static constexpr std::uint8_t kHexahedron20 = 25;
 
   /// VTK's cell has not all nodes of a pyramid of order 3 and above. VariMesh's files list them.
   void add_listed_pyramid(std::vector<std::int32_t>& nodes, std::size_t each, std::size_t cell) {

@@ -18,6 +18,7 @@
 #include "core/formats/vtu/cells.h"
 #include "core/formats/vtu/written_arrays.h"
 #include "core/formats/xml/xml.h"
+#include "core/mesh/changes/serendipity_elements.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 
@@ -51,7 +52,9 @@ Eigen::MatrixXd added_points(int order) {
 }
 
 // Whether the file has points for the cells of the block that the mesh has not.
-bool adds_points(const ElementBlock& block) { return block.shape == Shape::Pyramid && block.order > 1; }
+bool adds_points(const ElementBlock& block) {
+  return block.shape == Shape::Pyramid && block.order > 1 && !is_serendipity(block);
+}
 
 // VTK's cells of pyramids from this order on do not have all of the pyramid's nodes.
 constexpr int kListedPyramids = 3;
@@ -118,7 +121,7 @@ Grid::Sizes Grid::sizes(const HighOrderMesh& mesh) {
   Sizes all{mesh.node_count(), 0, 0};
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
-    const std::vector<int> nodes = vtk_cell(block.shape, block.order).nodes;
+    const std::vector<int> nodes = vtk_cell(block).nodes;
     all.cells += block.size();
     all.nodes += block.size() * nodes.size();
     all.points += block.size() * std::size_t(std::count(nodes.begin(), nodes.end(), -1));
@@ -181,7 +184,7 @@ void Grid::list_pyramids() {
 }
 
 void Grid::add_block(const ElementBlock& block) {
-  const VtkCell cell = vtk_cell(block.shape, block.order);
+  const VtkCell cell = vtk_cell(block);
   const auto physical = std::int32_t(block.physical.empty() ? 0 : block.physical.front());
   const std::int32_t numbers[] = {physical, physical, block.entity, reference::info(block.shape).dimension};
   cells += block.size();
@@ -227,7 +230,7 @@ void Grid::write_plain(BufferedOutput& out) const {
   std::vector<Run> runs;
   std::size_t first = 0;
   for_blocks([&](const ElementBlock& block) {
-    runs.push_back({first, &block, vtk_cell(block.shape, block.order).nodes});
+    runs.push_back({first, &block, vtk_cell(block).nodes});
     first += block.nodes.size();
   });
   connectivity.write_shared(out, [&](std::size_t begin, std::size_t end, char* to) {
@@ -254,8 +257,8 @@ void Grid::write_with_added_points(BufferedOutput& out) const {
     const auto put_point = [&](std::int64_t point) { are_many() ? put(point) : put(std::int32_t(point)); };
     auto next = std::int64_t(mesh_.node_count());  // of the points that are added
     for_blocks([&](const ElementBlock& block) {
-      const std::vector<int> cell = vtk_cell(block.shape, block.order).nodes;
-      const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+      const std::vector<int> cell = vtk_cell(block).nodes;
+      const std::size_t stride = nodes_per_element(block);
       for (std::size_t e = 0; e < block.size(); ++e)
         for (const int local : cell)
           put_point(local >= 0 ? std::int64_t(block.nodes[e * stride + std::size_t(local)]) : next++);

@@ -6,7 +6,7 @@
 
 #include "core/formats/common/file_allowance.h"
 #include "core/formats/numbering/cgns_order.h"
-#include "core/mesh/high_order_mesh.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -19,7 +19,8 @@ class CgnsBlocks {
   void begin(const CgnsType& type, int entity, const std::vector<int>& groups, std::size_t count) {
     std::vector<ElementBlock>& blocks = mesh_.blocks;
     if (blocks.empty() || blocks.back().shape != type.shape || blocks.back().order != type.order ||
-        blocks.back().entity != entity || blocks.back().physical != groups) {
+        nodes_per_element(blocks.back()) != type.nodes || blocks.back().entity != entity ||
+        blocks.back().physical != groups) {
       allowance_.take(1, sizeof(ElementBlock) + 2 * kAllocation);
       blocks.push_back({type.shape, type.order, entity, groups, {}, {}, {}, {}});
     }
@@ -28,7 +29,8 @@ class CgnsBlocks {
       type_ = type;
     }
     allowance_.make_room(blocks.back().numbers, count);
-    allowance_.make_room(blocks.back().nodes, count * place_->size());
+    type_.nodes = type.nodes;
+    allowance_.make_room(blocks.back().nodes, count * type_.nodes);
   }
 
   /// Adds elements, as begin() has announced them.
@@ -38,7 +40,7 @@ class CgnsBlocks {
   void add(std::int64_t number, std::int64_t count, const std::int64_t* nodes, std::int64_t shift) {
     ElementBlock& block = mesh_.blocks.back();
     const int* const place = place_->data();
-    const std::size_t each = place_->size(), begin = block.nodes.size();
+    const std::size_t each = type_.nodes, begin = block.nodes.size();
     block.nodes.resize(begin + std::size_t(count) * each);
     std::int32_t* own = block.nodes.data() + begin;
     for (std::int64_t e = 0; e < count; ++e, own += each, nodes += each) {

@@ -169,7 +169,7 @@ class Reading {
         if (wanted == 0) {
           if (next > section.last) connectivity.fail(kData, "has more than the elements of its section", first + i);
           if (mixed) own = element(section, v[i++]);
-          wanted = std::size_t(reference::node_count(own.shape, own.order));
+          wanted = own.nodes;
         }
         if (const std::int64_t many = std::min(run_end_ - next, (count - i) / std::int64_t(wanted));
             many > 0 && part.empty()) {
@@ -210,10 +210,9 @@ class Reading {
   CgnsType element(const Section& section, std::int64_t type) const {
     const auto found = cgns_element(type);
     if (!found)
-      section.node.fail(kData,
-                        "has elements of type " + std::to_string(type) +
-                            ", which do not have all nodes of their order; write elements with all nodes, such as "
-                            "HEXA_27 for HEXA_20");
+      section.node.fail(kData, "has elements of type " + std::to_string(type) +
+                                   ", which VariMesh does not know; write elements with all nodes, such as HEXA_64 for "
+                                   "HEXA_56");
     return *found;
   }
 

@@ -4,11 +4,13 @@
 #include <cstring>
 #include <map>
 #include <set>
+#include <span>
 
 #include "core/formats/hdf5/notes.h"
 #include "core/formats/numbering/cgns_order.h"
 #include "core/hdf/cgns/cgns.h"
 #include "core/hdf/library/writer.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -133,8 +135,8 @@ class Writing {
     for (std::size_t b = 0; b < blocks_.size();) {
       std::size_t end = b;
       std::int64_t count = 0;
-      for (;
-           end < blocks_.size() && blocks_[end]->shape == blocks_[b]->shape && blocks_[end]->order == blocks_[b]->order;
+      for (; end < blocks_.size() && blocks_[end]->shape == blocks_[b]->shape &&
+             blocks_[end]->order == blocks_[b]->order && is_serendipity(*blocks_[end]) == is_serendipity(*blocks_[b]);
            ++end)
         count += std::int64_t(blocks_[end]->size());
       if (count > 0) write_section(b, end, ++section, number, count);
@@ -150,9 +152,10 @@ class Writing {
     name += "_" + std::to_string(section);
     in_zone_.insert(name);
     const std::string path = std::string(kZone) + "/" + name;
-    node(path, "Elements_t", "I4", {2}, {cgns_type(first.shape, first.order), 0});
+    node(path, "Elements_t", "I4", {2}, {cgns_type(first), 0});
     node(path + "/ElementRange", "IndexRange_t", "I4", {2}, {before + 1, before + std::int32_t(count)});
-    const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, first.shape, first.order);
+    // Serendipity elements have the first nodes of complete ones.
+    const std::span place(gmsh_nodes(NodeOrder::Cgns, first.shape, first.order).data(), nodes_per_element(first));
     const std::string data = path + "/ElementConnectivity/ data";
     empty(path + "/ElementConnectivity", "DataArray_t", "I4");
     writer_.array(data, "i4", Dims{count * std::int64_t(place.size())});

@@ -7,6 +7,7 @@
 
 #include "core/base/io/scanner.h"
 #include "core/formats/hdf5/notes.h"
+#include "core/mesh/changes/serendipity_elements.h"
 
 namespace varimesh::formats {
 
@@ -113,7 +114,7 @@ class Joining {
     if (block == nullptr || number > block->numbers.back() ||
         reference::info(block->shape).dimension != mesh_.dimension - 1)
       node.fail("", "pairs an element that is no side", std::int64_t(row));
-    const auto count = std::size_t(reference::node_count(block->shape, block->order));
+    const std::size_t count = nodes_per_element(*block);
     return {block->nodes.data() + std::size_t(number - block->numbers.front()) * count, count};
   }
 
@@ -133,7 +134,7 @@ class Joining {
       if (const auto low = std::size_t(root(std::int32_t(node))); low != node) joined[low] = joined[node] = true;
     for (ElementBlock& block : mesh_.blocks) {
       if (reference::info(block.shape).dimension != mesh_.dimension - 1 || !block.physical.empty()) continue;
-      const auto count = std::size_t(reference::node_count(block.shape, block.order));
+      const std::size_t count = nodes_per_element(block);
       std::size_t kept = 0;
       for (std::size_t e = 0; e < block.size(); ++e) {
         const auto* const nodes = block.nodes.data() + e * count;

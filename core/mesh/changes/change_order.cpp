@@ -1,14 +1,12 @@
-// New nodes are made cell by cell: those on edges, then those on faces, then inner nodes. The nodes of an edge or face
-// that an earlier cell has made are found by its sorted vertices. A node's position on it is counted from the smallest
-// vertex.
+// New nodes are made cell by cell: those on edges, then those on faces, then inner nodes.
 #include "core/mesh/changes/change_order.h"
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <unordered_map>
 
+#include "core/mesh/changes/shared_nodes.h"
 #include "core/mesh/check.h"
 #include "core/mesh/mesh_counts.h"
 #include "core/reference/basis.h"
@@ -17,145 +15,25 @@
 namespace varimesh {
 namespace {
 
+using detail::face_vertices;
+using detail::PlacedNode;
+using detail::SharedNodes;
+using detail::Vertices;
 using reference::NodeSet;
-using Vertices = std::array<std::int32_t, 4>;  // of an edge or face; unused entries are −1
 
 constexpr std::int32_t kNone = -1;
 
-// === The nodes of a shape ================================================================================
+// === Nodes ===============================================================================================
 
-// A node inside an edge or face: its local number and its position (i, j) on the lattice of this edge or face.
-struct PlacedNode {
-  int local;
-  int i;
-  int j;
-};
-
-// The nodes of one shape and order, by edge, face and interior.
-struct Pattern {
-  std::vector<std::vector<PlacedNode>> edges;
-  std::vector<std::vector<PlacedNode>> faces;
-  std::vector<int> interior;
+// The nodes of one shape and order, and their values.
+struct Pattern : detail::CellNodes {
   Eigen::MatrixXd values;  // interpolation matrix: new nodes × old nodes
 };
 
 Pattern make_pattern(Shape shape, int from, int to, int ambient) {
-  const reference::ShapeInfo& info = reference::info(shape);
-  const auto& places = reference::node_places(shape, to);
   const reference::Points& at = reference::nodes(shape, to, NodeSet::Equispaced, ambient);
-  Pattern pattern;
-  pattern.edges.resize(info.edges.size());
-  pattern.faces.resize(info.faces.size());
-  for (int local = info.vertices; local < int(places.size()); ++local) {
-    const reference::NodePlace place = places[std::size_t(local)];
-    if (place.dimension == 3) pattern.interior.push_back(local);
-    if (place.dimension != 1) continue;
-    const auto edge = std::size_t(place.index);
-    const auto& start = info.vertex[std::size_t(info.edges[edge][0])];
-    const auto& end = info.vertex[std::size_t(info.edges[edge][1])];
-    double along = 0, length = 0;
-    for (Eigen::Index k = 0; k < at.cols(); ++k) {
-      const auto axis = std::size_t(k);
-      along += (at(local, k) - start[axis]) * (end[axis] - start[axis]);
-      length += (end[axis] - start[axis]) * (end[axis] - start[axis]);
-    }
-    pattern.edges[edge].push_back({local, int(std::lround(to * along / length)), 0});
-  }
-  for (std::size_t face = 0; face < info.faces.size(); ++face) {
-    const Shape shape_of_face = info.faces[face].shape;
-    const auto& lattice = reference::lattice(shape_of_face, to);
-    for (std::size_t k = std::size_t(reference::info(shape_of_face).vertices); k < lattice.size(); ++k) {
-      if (reference::node_places(shape_of_face, to)[k].dimension != 2) continue;
-      const int local = info.dimension == 2 ? int(k) : reference::facet_nodes(shape, to, int(face))[k];
-      pattern.faces[face].push_back({local, lattice[k][0], lattice[k][1]});
-    }
-  }
-  pattern.values = reference::basis_values(shape, from, NodeSet::Equispaced, ambient, at);
-  return pattern;
-}
-
-// === Nodes that elements share ===========================================================================
-
-// A position on the lattice of a face that does not depend on the order of the face's vertices.
-struct FacePlace {
-  Vertices sorted;
-  std::int32_t rank;   // its number among the positions inside the face, counted from the smallest vertex
-  std::int32_t count;  // the number of positions inside the face
-};
-
-FacePlace canonical_triangle(const Vertices& v, int i, int j, int order) {
-  std::array<std::pair<std::int32_t, int>, 3> weights{{{v[0], order - i - j}, {v[1], i}, {v[2], j}}};
-  std::sort(weights.begin(), weights.end());
-  const int a = weights[1].second - 1, b = weights[2].second - 1;
-  return {{weights[0].first, weights[1].first, weights[2].first, kNone},
-          b * (order - 2) - b * (b - 1) / 2 + a,
-          (order - 1) * (order - 2) / 2};
-}
-
-FacePlace canonical_quadrilateral(const Vertices& v, int i, int j, int order) {
-  const auto start = std::size_t(std::min_element(v.begin(), v.end()) - v.begin());
-  for (std::size_t turn = 0; turn < start; ++turn) {
-    const int before = i;
-    i = j;
-    j = order - before;
-  }
-  if (v[(start + 3) % 4] < v[(start + 1) % 4]) std::swap(i, j);
-  Vertices sorted = v;
-  std::sort(sorted.begin(), sorted.end());
-  return {sorted, (j - 1) * (order - 1) + i - 1, (order - 1) * (order - 1)};
-}
-
-struct HashVertices {
-  std::size_t operator()(const Vertices& v) const {
-    std::uint64_t hash = 0;
-    for (const std::int32_t x : v) hash = (hash ^ std::uint32_t(x)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
-    return hash;
-  }
-};
-
-// The new nodes, numbered from 0 in the order in which they are first used. If `make` is false, nodes are only looked
-// up, and kNone stands for a node that does not exist.
-class SharedNodes {
- public:
-  explicit SharedNodes(int order) : order_(order) {}
-
-  std::int32_t count() const { return count_; }
-  std::int32_t add() { return count_++; }
-
-  // Node i of the edge, counted from vertex `a`.
-  std::int32_t edge_node(std::int32_t a, std::int32_t b, int i, bool make = true) {
-    const std::int32_t first = first_of({std::min(a, b), std::max(a, b), kNone, kNone}, order_ - 1, make);
-    return first == kNone ? kNone : first + (a < b ? i : order_ - i) - 1;
-  }
-
-  // The node at (i, j) of the face's lattice.
-  std::int32_t face_node(const Vertices& v, int i, int j, bool make = true) {
-    const FacePlace place =
-        v[3] == kNone ? canonical_triangle(v, i, j, order_) : canonical_quadrilateral(v, i, j, order_);
-    const std::int32_t first = first_of(place.sorted, place.count, make);
-    return first == kNone ? kNone : first + place.rank;
-  }
-
- private:
-  // The number of the first node inside an edge or face.
-  std::int32_t first_of(const Vertices& sorted, std::int32_t nodes, bool make) {
-    const auto found = first_.find(sorted);
-    if (found != first_.end()) return found->second;
-    if (!make) return kNone;
-    first_.emplace(sorted, count_);
-    count_ += nodes;
-    return count_ - nodes;
-  }
-
-  int order_;
-  std::int32_t count_ = 0;
-  std::unordered_map<Vertices, std::int32_t, HashVertices> first_;
-};
-
-Vertices face_vertices(const reference::Facet& face, const std::int32_t* element) {
-  Vertices v;
-  for (std::size_t k = 0; k < 4; ++k) v[k] = face.vertices[k] < 0 ? kNone : element[face.vertices[k]];
-  return v;
+  return {detail::cell_nodes(shape, to, ambient),
+          reference::basis_values(shape, from, NodeSet::Equispaced, ambient, at)};
 }
 
 // === The whole mesh ======================================================================================

@@ -51,6 +51,16 @@ class Convert(WithFolder):
         self.assertEqual(done.returncode, 3)
         self.assertIn("node 1 has a coordinate that is not a finite number", done.stderr)
 
+    def test_serendipity_elements_come_back_as_they_were(self):
+        eight, out, mfem = (self.folder / name for name in ("eight.msh", "out.msh", "out.mesh"))
+        eight.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0.5 -0.125 0\n"
+                         "6 1 0.5 0\n7 0.5 1 0\n8 0 0.5 0\n$EndNodes\n$Elements\n1\n1 16 2 1 1 1 2 3 4 5 6 7 8\n$EndElements\n")  # fmt: skip
+        done = run("convert", eight, out)
+        self.assertEqual(done.returncode, 0)
+        self.assertIn("1 quadrilateral of order 2. One new node has the number 9.", done.stderr)
+        self.assertEqual(out.read_text(), eight.read_text())
+        self.assertIn("because the format has no others", run("convert", eight, mfem).stderr)
+
     def test_a_format_that_contradicts_the_ending_is_refused(self):
         for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):
             done = run("convert", MESH, self.folder / name, "--format", form)

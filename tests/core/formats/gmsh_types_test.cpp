@@ -41,7 +41,12 @@ TEST(GmshTypes, TellIncompleteElementsFromUnknownOnes) {
   EXPECT_EQ(gmsh_type(16).shape, Shape::Quadrilateral);
   EXPECT_EQ(gmsh_type(16).order, 2);
   EXPECT_EQ(gmsh_type(77).kind, GmshType::Kind::Unknown);
-  EXPECT_NE(why_refused(16), why_refused(77));
+  EXPECT_NE(why_refused(32), why_refused(77));
+  EXPECT_EQ(node_count(gmsh_type(16)), 8);
+  EXPECT_EQ(node_count(gmsh_type(17)), 20);
+  EXPECT_EQ(node_count(gmsh_type(18)), 15);
+  EXPECT_EQ(node_count(gmsh_type(19)), 13);
+  EXPECT_EQ(node_count(gmsh_type(32)), 0) << "tetrahedra of order 4";
 }
 
 }  // namespace

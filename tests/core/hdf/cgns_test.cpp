@@ -135,10 +135,13 @@ TEST(Cgns, HasTheNodeOrderOfItsDocumentation) {
 TEST(Cgns, KnowsTheTypesOfElements) {
   for (int type = 0; type < 60; ++type)
     if (const auto found = formats::cgns_element(type)) {
-      EXPECT_EQ(formats::cgns_type(found->shape, found->order), type);
+      ElementBlock one{found->shape, found->order, 1, {}, {1}, {}, {}, {}};
+      one.nodes.resize(found->nodes);
+      EXPECT_EQ(formats::cgns_type(one), type);
     }
   EXPECT_EQ(formats::cgns_type(Shape::Hexahedron, 4), 56);
-  EXPECT_FALSE(formats::cgns_element(18)) << "HEXA_20 does not have all nodes";
+  EXPECT_EQ(formats::cgns_element(18)->nodes, 20U);
+  EXPECT_FALSE(formats::cgns_element(38)) << "HEXA_56 has nodes inside its faces, but not inside its volume";
 }
 
 TEST(Cgns, SaysWhatItLeavesOut) {
