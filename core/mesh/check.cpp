@@ -189,12 +189,10 @@ Expected<void> check_distinct_nodes(const HighOrderMesh& mesh, const Team& team)
 
 Expected<void> check_duplicates(const HighOrderMesh& mesh, const Team& team) {
   const Cells cells(mesh, mesh.dimension);
-  const auto vertices = [&](std::size_t cell) {
-    std::array<std::int32_t, 8> sorted;
-    sorted.fill(-1);
+  // Two cells with the same vertices may be different ones: the halves of a ring share all four.
+  const auto sorted_nodes = [&](std::size_t cell) {
     const auto nodes = cells.nodes(cell);
-    const auto count = std::size_t(reference::info(cells.shape(cell)).vertices);
-    std::copy_n(nodes.begin(), count, sorted.begin());
+    std::vector<std::int32_t> sorted(nodes.begin(), nodes.end());
     std::sort(sorted.begin(), sorted.end());
     return sorted;
   };
@@ -219,7 +217,7 @@ Expected<void> check_duplicates(const HighOrderMesh& mesh, const Team& team) {
   for (std::size_t i = 1; i < hashes.size(); ++i) {
     if (hashes[i].first != hashes[i - 1].first) continue;
     const auto [a, b] = std::pair(hashes[i - 1].second, hashes[i].second);
-    if (vertices(std::size_t(a)) != vertices(std::size_t(b))) continue;
+    if (sorted_nodes(std::size_t(a)) != sorted_nodes(std::size_t(b))) continue;
     if (count++ == 0 || a < first) first = a, twin = b;
   }
   if (count == 0) return {};

@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cassert>
+#include <cmath>
 #include <limits>
 
 #include "core/base/shared_work.h"
@@ -127,8 +128,56 @@ struct Found {
   }
 };
 
-// Records that the facets and boundary elements in `same` have the same vertices. Indices from `total` on are boundary
-// elements.
+// Tells facets with the same vertices apart. In a mesh of order 2 and above, two cells can meet at two vertices with
+// two sides between them, for example the halves of a ring. Boundary elements have indices after those of the facets.
+class Sides {
+ public:
+  Sides(const HighOrderMesh& mesh, const Cells& cells, const Cells& borders, const Facets& facets)
+      : mesh_(mesh), cells_(cells), borders_(borders), facets_(facets) {}
+
+  // Whether two facets with the same vertices are one: if they have the same nodes, or at least lie at the same place.
+  // Then their cells should have shared the nodes, which check_conformity() says.
+  bool are_one(std::int32_t a, std::int32_t b) const {
+    if (mesh_.order == 1) return true;
+    std::vector<std::int32_t> own = nodes(a), other = nodes(b);
+    std::sort(own.begin(), own.end());
+    std::sort(other.begin(), other.end());
+    if (own == other || own.size() != other.size()) return true;
+    constexpr double kSame = 1e-6;
+    double distance = 0, size = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto x = [&](std::int32_t node) { return mesh_.coordinates[3 * std::size_t(node) + k]; };
+      double sum = 0;
+      for (std::size_t i = 0; i < own.size(); ++i) {
+        sum += (x(own[i]) - x(other[i])) / double(own.size());
+        size = std::max(size, std::abs(x(own[i]) - x(own[0])));
+      }
+      distance = std::max(distance, std::abs(sum));
+    }
+    return distance <= kSame * size;
+  }
+
+ private:
+  std::vector<std::int32_t> nodes(std::int32_t facet) const {
+    const std::int32_t total = facets_.first.back();
+    if (facet >= total) {
+      const auto all = borders_.nodes(std::size_t(facet - total));
+      return {all.begin(), all.end()};
+    }
+    const auto after = std::upper_bound(facets_.first.begin(), facets_.first.end(), facet);
+    const auto cell = std::size_t(after - facets_.first.begin()) - 1;
+    std::vector<std::int32_t> list;
+    for (const int local : reference::facet_nodes(cells_.shape(cell), mesh_.order, facet - facets_.first[cell]))
+      list.push_back(cells_.nodes(cell)[std::size_t(local)]);
+    return list;
+  }
+
+  const HighOrderMesh& mesh_;
+  const Cells &cells_, &borders_;
+  const Facets& facets_;
+};
+
+// Records that the facets and boundary elements in `same` are one facet. Indices from `total` on are boundary elements.
 void link(Facets& result, Found& found, std::span<const Entry> same, std::int32_t total) {
   const auto border = std::find_if(same.begin(), same.end(), [&](const Entry& e) { return e.facet >= total; });
   const auto cells = std::size_t(border - same.begin());
@@ -143,18 +192,53 @@ void link(Facets& result, Found& found, std::span<const Entry> same, std::int32_
   result.opposite[std::size_t(same[1].facet)] = same[0].facet;
 }
 
-// Finds the entries of one bucket that have the same vertices.
-void link_bucket(Facets& result, Found& found, std::span<Entry> bucket, std::int32_t total) {
+// Finds the entries of one bucket that have the same vertices. Few have more than two cells and a boundary element;
+// these may be different facets.
+void link_bucket(Facets& result, Found& found, std::span<Entry> bucket, std::int32_t total, const Sides& sides) {
   std::sort(bucket.begin(), bucket.end());
   for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
     while (b < bucket.size() && bucket[b].rest == bucket[a].rest) ++b;
-    link(result, found, bucket.subspan(a, b - a), total);
+    const auto alike = bucket.subspan(a, b - a);
+    if (alike.size() < 3 || (alike.size() == 3 && alike[2].facet >= total)) {
+      link(result, found, alike, total);
+      continue;
+    }
+    std::vector<Entry> left(alike.begin(), alike.end());
+    while (!left.empty()) {
+      const std::int32_t first = left.front().facet;
+      const auto others = std::stable_partition(left.begin(), left.end(),
+                                                [&](const Entry& e) { return sides.are_one(first, e.facet); });
+      link(result, found, {left.data(), std::size_t(others - left.begin())}, total);
+      left.erase(left.begin(), others);
+    }
   }
 }
 
+// Two cells that share several facets may do so only by the vertices.
+void separate(Facets& result, const Sides& sides) {
+  std::vector<std::int32_t> apart;
+  for (std::size_t cell = 0; cell + 1 < result.first.size(); ++cell)
+    for (std::int32_t f = result.first[cell]; f < result.first[cell + 1]; ++f)
+      for (std::int32_t g = f + 1; g < result.first[cell + 1]; ++g) {
+        const std::int32_t other = result.neighbour[std::size_t(f)];
+        if (other < 0 || other != result.neighbour[std::size_t(g)]) continue;
+        for (const std::int32_t one : {f, g})
+          if (!sides.are_one(one, result.opposite[std::size_t(one)])) apart.push_back(one);
+      }
+  for (const std::int32_t facet : apart)
+    result.neighbour[std::size_t(facet)] = result.opposite[std::size_t(facet)] = kNone;
+  if (apart.empty()) return;
+  std::sort(apart.begin(), apart.end());
+  const std::int32_t total = result.first.back();
+  std::erase_if(result.elements, [&](const auto& pair) {
+    return std::binary_search(apart.begin(), apart.end(), pair.first) &&
+           !sides.are_one(pair.first, total + pair.second);
+  });
+}
+
 // The threads fill the buckets in any order. The buckets are sorted afterwards, so this does not show.
-void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const Team& team) {
-  const Cells borders(mesh, mesh.dimension - 1);
+void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const Cells& borders, const Sides& sides,
+           const Team& team) {
   const std::int32_t total = result.first.back();
   std::vector<std::int32_t> start(mesh.node_count() + 1, 0);
   const auto tally = [&](std::int32_t, const std::array<std::int32_t, 4>& v) {
@@ -184,7 +268,7 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const 
     for_chunks(team, high - low, kBucketsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       for (std::size_t node = low + begin; node < low + end; ++node)
         link_bucket(result, found[chunk],
-                    {entries.data() + (start[node] - base), std::size_t(start[node + 1] - start[node])}, total);
+                    {entries.data() + (start[node] - base), std::size_t(start[node + 1] - start[node])}, total, sides);
     });
     for (const Found& part : found) part.add_to(result);
   }
@@ -209,7 +293,9 @@ Facets facets(const HighOrderMesh& mesh, const Team& team) {
     }
   result.first.push_back(total);
   result.opposite.assign(std::size_t(total), kNone);
-  match(result, mesh, cells, team);
+  const Cells borders(mesh, mesh.dimension - 1);
+  const Sides sides(mesh, cells, borders, result);
+  match(result, mesh, cells, borders, sides, team);
   sort_distinct(team, result.elements);
   // Filled only now, so that this table and the entries in match() are not in memory at the same time.
   result.neighbour.assign(std::size_t(total), kNone);
@@ -219,6 +305,7 @@ Facets facets(const HighOrderMesh& mesh, const Team& team) {
         if (const std::int32_t other = result.opposite[std::size_t(f)]; other >= 0)
           result.neighbour[std::size_t(other)] = std::int32_t(cell);
   });
+  if (mesh.order > 1) separate(result, sides);
   return result;
 }
 

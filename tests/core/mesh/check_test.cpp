@@ -3,8 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <map>
+#include <numbers>
+
 #include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
+#include "core/reference/nodes.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh {
@@ -127,6 +132,51 @@ TEST(CheckMesh, AMeshInThePlaneIsNoSurfaceInSpace) {
                           {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 1, 3}}, {Shape::Triangle, {0, 1, 4}}});
   EXPECT_FALSE(check_judgeable(fan)) << "three cells at an edge";
   EXPECT_FALSE(is_surface(linear(kCube, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}}})));
+}
+
+/// A ring between radii 1 and 2 of two quadrilaterals, which share all four vertices.
+HighOrderMesh ring_of_two(int order) {
+  HighOrderMesh mesh;
+  mesh.dimension = 2;
+  mesh.order = order;
+  const auto& lattice = reference::lattice(Shape::Quadrilateral, order);
+  // By angle and radius, in steps of the lattice.
+  std::map<std::pair<int, int>, std::int32_t> nodes;
+  for (int half = 0; half < 2; ++half) {
+    ElementBlock& block =
+        mesh.blocks.emplace_back(ElementBlock{Shape::Quadrilateral, order, 1, {}, {half + 1}, {}, {}, {}});
+    for (const auto& at : lattice) {
+      const int angle = (half * order + at[1]) % (2 * order);
+      const auto [place, is_new] = nodes.try_emplace({angle, at[0]}, std::int32_t(mesh.node_count()));
+      if (is_new) {
+        const double radius = 1 + double(at[0]) / order, turn = std::numbers::pi * angle / order;
+        mesh.coordinates.insert(mesh.coordinates.end(), {radius * std::cos(turn), radius * std::sin(turn), 0});
+        mesh.node_numbers.push_back(std::int64_t(mesh.node_count()));
+      }
+      block.nodes.push_back(place->second);
+    }
+  }
+  mesh.node_blocks = {{-1, 0, 0, std::int32_t(mesh.node_count())}};
+  return mesh;
+}
+
+TEST(CheckMesh, TwoCellsMayHaveTheSameVertices) {
+  HighOrderMesh ring = ring_of_two(4);
+  const auto checked = check_structure(ring);
+  EXPECT_TRUE(checked) << checked.error().sentence;
+  const Facets found = facets(ring);
+  EXPECT_EQ(std::ranges::count_if(found.neighbour, [](std::int32_t n) { return n >= 0; }), 4)
+      << "two edges of two cells";
+  // Boundary elements belong to the halves that have their nodes.
+  for (int half = 0; half < 2; ++half) {
+    ElementBlock& arc = ring.blocks.emplace_back(ElementBlock{Shape::Line, 4, half + 1, {}, {10 + half}, {}, {}, {}});
+    for (const int local : reference::facet_nodes(Shape::Quadrilateral, 4, 1))
+      arc.nodes.push_back(ring.blocks[std::size_t(half)].nodes[std::size_t(local)]);
+  }
+  EXPECT_TRUE(check_structure(ring));
+  EXPECT_EQ(facets(ring).elements, (std::vector<std::pair<std::int32_t, std::int32_t>>{{1, 0}, {5, 1}}));
+  ring.blocks[1].nodes = ring.blocks[0].nodes;
+  EXPECT_REFUSED(ring, "are the same quadrilateral");
 }
 
 TEST(CheckMesh, MixedOrdersOfCellsAndOfBoundaryElements) {
