@@ -16,4 +16,8 @@ void send_mesh(HighOrderMesh&& mesh, Outgoing& to);
 /// need doubt it. Whoever sent it may send anything.
 HighOrderMesh receive_mesh(Incoming& from, FileAllowance& allowance);
 
+/// The same for the program, which is sent meshes by the library: the mesh is taken as it is. It may have notes of
+/// other formats, and coordinates that are not finite.
+HighOrderMesh receive_trusted_mesh(Incoming& from, FileAllowance& allowance);
+
 }  // namespace varimesh::formats::hdf5

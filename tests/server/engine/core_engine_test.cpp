@@ -10,6 +10,7 @@
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/most_threads.h"
+#include "tests/core/hdf/program.h"
 
 namespace varimesh::server {
 namespace {
@@ -131,6 +132,7 @@ TEST(CoreEngine, StopsJudgingAMesh) {
 }
 
 TEST(CoreEngine, RefusesAFormatWithoutATypeForTheElementsBeforeItComputes) {
+  if (!varimesh::testing::use_hdf5()) GTEST_SKIP() << "SKIPPED: VariMesh is built without HDF5 (libhdf5-dev)";
   RunRequest request;
   request.input = std::make_shared<Bytes>(two_triangles());
   request.format = v1::MESH_FORMAT_PARTS;

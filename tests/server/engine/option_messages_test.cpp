@@ -15,7 +15,9 @@ using google::protobuf::FieldDescriptor;
 
 /// "GREEN_LAGRANGE" of STRAIN_GREEN_LAGRANGE, in small letters with dashes.
 std::string spelled(const google::protobuf::EnumValueDescriptor& value) {
-  std::string name = value.name().substr(value.type()->name().size() + 1);
+  // The prefix of all values of a type is that of its first one.
+  const std::size_t prefix = value.type()->value(0)->name().size() - std::string_view("UNSPECIFIED").size();
+  std::string name = value.name().substr(prefix);
   for (char& c : name) c = c == '_' ? '-' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return name;
 }
