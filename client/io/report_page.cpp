@@ -12,9 +12,11 @@
 #include "client/library/failures.h"
 #include "client/process/temporary_folder.h"
 #include "client/report/report.h"
+#include "core/base/team.h"
 #include "core/base/version.h"
 #include "core/formats/formats.h"
 #include "core/mesh/changes/change_order.h"
+#include "core/mesh/plane.h"
 #include "core/options/option_table.h"
 
 namespace varimesh::client {
@@ -55,6 +57,20 @@ Outcome<std::shared_ptr<const HighOrderMesh>> fetch_before(Client* client, const
   return std::make_shared<const HighOrderMesh>(std::move(*changed));
 }
 
+/// Puts the meshes of a job in any plane in space into z = 0, where the pictures show them.
+void show_in_its_plane(Report* report) {
+  const Team team(1);
+  team.run([&] {
+    auto plane = Plane::of(*report->before, team);
+    if (!plane) return;
+    for (auto* shown : {&report->before, &report->after}) {
+      auto flat = std::make_shared<HighOrderMesh>(**shown);
+      plane->flatten(*flat);
+      *shown = std::move(flat);
+    }
+  });
+}
+
 /// Sets the report's meshes, or the sentence that says why there are none.
 Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
   const auto result = std::find_if(job.results().begin(), job.results().end(),
@@ -76,6 +92,7 @@ Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
   auto after = fetch_mesh(client, *result, folder.path() / "after");
   if (!after) return tl::unexpected(after.error());
   report->after = *after;
+  show_in_its_plane(report);
   return {};
 }
 

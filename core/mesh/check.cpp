@@ -19,8 +19,9 @@ namespace varimesh {
 
 namespace {
 
-// Of the diagonal: what a mesh generator's rounding errors may move nodes out of a plane.
-constexpr double kFlatness = 1e-9;
+// Of the diagonal: how far nodes may be beside a plane. Coordinates that passed through single precision, or through a
+// file with seven digits, are up to 10⁻⁷ off.
+constexpr double kFlatness = 1e-6;
 constexpr std::size_t kNodesPerTask = 16384, kCellsPerTask = 2048, kIndicesPerTask = 65536;
 
 std::string name_of(Shape shape) { return std::string(reference::info(shape).name); }
@@ -131,8 +132,7 @@ Expected<void> check_plane(const HighOrderMesh& mesh, const Team& team) {
       ". Its nodes cannot move along it without its geometry, which 'varimesh optimise --geometry MODEL' takes. "
       "'varimesh "
       "quality' judges it as it is, and names the "
-      "elements that are folded; to optimise, save the volume elements too, or turn a plane mesh into a plane z = "
-      "constant.");
+      "elements that are folded; to optimise, save the volume elements too.");
 }
 
 // === Single cells ========================================================================================
@@ -256,11 +256,26 @@ Expected<void> check_places(const HighOrderMesh& mesh, const Team& team) {
   return check_plane(mesh, team);
 }
 
+namespace {
+
+/// Puts a plane mesh in space into its plane.
+std::optional<Plane> flattened(HighOrderMesh& mesh, const Team& team) {
+  if (mesh.dimension != 2) return std::nullopt;
+  for (auto step : {check_kind, check_arrays, check_coordinates})
+    if (!step(mesh, team)) return std::nullopt;
+  std::optional<Plane> plane = Plane::of(mesh, team);
+  if (plane) plane->flatten(mesh);
+  return plane;
+}
+
+}  // namespace
+
 Expected<CheckedMesh> check_mesh(HighOrderMesh mesh, CheckFor purpose, const Team& team) {
   const Stopwatch watch;
   CheckedMesh result{std::move(mesh), {}};
   Expected<void> done;
   team.run([&] {
+    if (purpose == CheckFor::Optimising) result.plane = flattened(result.mesh, team);
     done = purpose == CheckFor::Judging ? check_judgeable(result.mesh, team, &result.facets)
                                         : check_structure(result.mesh, team, &result.facets);
   });

@@ -17,7 +17,7 @@ Expected<void> check_counts(std::int64_t nodes, std::int64_t cells);
 /// Checks everything that an optimisation and the measures of quality rely on:
 ///   - there are not too many nodes or cells: check_counts()
 ///   - there are elements of dimension 2 or 3, of one order and of known shapes
-///   - all coordinates are finite, and a 2-D mesh lies in a plane z = constant
+///   - all coordinates are finite, and a 2-D mesh lies in a plane z = constant (check_mesh() takes any plane)
 ///   - the nodes of each cell are distinct, and no cell appears twice
 ///   - cells conform: a facet has one or two cells, which have the same nodes on it
 /// Cells may be inverted, with curved sides and with straight sides.
@@ -31,8 +31,8 @@ Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Face
 /// The part of check_structure() that depends on the places of nodes. Call it inside team.run(). Errors: BadInput.
 Expected<void> check_places(const HighOrderMesh& mesh, const Team& team);
 
-/// Whether a 2-D mesh lies in a plane z = constant, but for rounding errors of the mesh generator: 10⁻⁹ of its
-/// diagonal. Call it inside team.run().
+/// Whether a 2-D mesh lies in a plane z = constant, but for rounding errors: 10⁻⁶ of its diagonal. Call it inside
+/// team.run().
 bool lies_flat(const HighOrderMesh& mesh, const Team& team);
 
 /// Whether the mesh is a surface in space: 2-D, and not in a plane z = constant. Call it inside team.run().

@@ -1,6 +1,7 @@
 // Runs with and without splits: what they say about what is left, and the orientation of elements.
 #include "core/optimise/optimiser.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <string>
@@ -102,6 +103,21 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& on_iteration, const Run
   return result;
 }
 
+/// Puts a result that was made in a plane into space, with what it says about places.
+void put_in_space(const Plane& plane, Result& result) {
+  plane.put_back(result.mesh);
+  const auto put = [&](auto& element) { element.place = plane.in_space(element.place[0], element.place[1]); };
+  for (QualityReport* report : {&result.before, &result.after}) {
+    std::ranges::for_each(report->invalid, put);
+    std::ranges::for_each(report->uncertified, put);
+  }
+  char text[160];
+  const auto [x, y, z] = plane.normal();
+  std::snprintf(text, sizeof text,
+                "The mesh lies in a plane with the normal (%.4g, %.4g, %.4g) and was optimised in it.", x, y, z);
+  result.notes.emplace_back(text);
+}
+
 /// The sizes of a mesh that can be judged. A surface in space has no facets.
 Expected<MeshSummary> summary_of(const HighOrderMesh& mesh, const Facets& facets, const Options& options) {
   const Team team(options.threads);
@@ -129,11 +145,13 @@ Expected<Result> optimise(CheckedMesh mesh, const Options& options, const OnIter
   if (options.time_limit > 0) stop.stop_after(options.time_limit - mesh.seconds);
   // Before it is stopped, a run that goes on from a checkpoint must have the mesh that it had come to.
   const bool may_stop = control.checkpoint.empty();
+  const std::optional<Plane> plane = std::exchange(mesh.plane, std::nullopt);
   const NodesWithParameters with_parameters(mesh.mesh);
   const Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(mesh), options, may_stop ? &stop : nullptr);
   if (!prepared) return tl::unexpected(prepared.error());
   Result result = optimise_set_up(**prepared, on_iteration, control, stop);
   with_parameters.forget_moved(result.mesh);
+  if (plane) put_in_space(*plane, result);
   return result;
 }
 

@@ -102,6 +102,8 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   if (const auto right = check(options); !right) return tl::unexpected(right.error());
   auto passed = check_mesh(std::move(mesh), CheckFor::Optimising, Team(options.threads));
   if (!passed) return tl::unexpected(passed.error());
+  if (passed->plane)
+    return bad_input("The mesh lies in a plane that is not z = constant; give an Optimiser coordinates in the plane.");
   return set_up(std::move(*passed), options, stop);
 }
 
