@@ -9,6 +9,7 @@
 #include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
+#include "core/mesh/changes/merge_nodes.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/marks/marks.h"
@@ -22,6 +23,7 @@ constexpr int kAllThreads = 0;
 struct Arguments {
   std::string input, output, format;
   bool orient = false;
+  double merge = -1;  // negative: no nodes are merged
 };
 
 /// Turns the cells that are numbered clockwise, if the mesh tells which are. Errors: BadInput, as check_structure().
@@ -56,6 +58,8 @@ int convert(const Arguments& arguments) {
   const auto format = formats::for_output(arguments.output, requested, file->format);
   if (!format) return print_error(format.error());
 
+  if (arguments.merge >= 0)
+    std::cerr << "varimesh: " << merge_nodes(file->mesh, arguments.merge) << " nodes were joined to others.\n";
   if (arguments.orient)
     if (const auto done = orient(file->mesh); !done) return print_error(done.error());
   // A mesh whose quality cannot be computed is written without marks.
@@ -80,6 +84,11 @@ Action add_convert(Command program) {
       .value("OUT");
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
   command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
+  command
+      .add("--merge-nodes", &arguments->merge,
+           "Join nodes that are at most this far apart, in the mesh's unit of length: of parts that were put together")
+      .value("TOLERANCE")
+      .from(0.0, 1e300);
   return [arguments] { return convert(*arguments); };
 }
 

@@ -11,10 +11,12 @@
 #include "client/io/summary.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "core/base/team.h"
 #include "core/diagnosis/diagnosis.h"
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
 #include "core/mesh/check.h"
+#include "core/mesh/loose_parts.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
 
@@ -64,6 +66,16 @@ std::vector<UnrepairableGroup> find_unrepairable(const Arguments& arguments, con
   return with_any_of(diagnose(mesh, arguments.threads), uncertified_numbers(quality));
 }
 
+/// What does not hang together in a mesh. A surface in space is judged element by element.
+std::vector<std::string> loose_parts(const HighOrderMesh& mesh, int threads) {
+  std::vector<std::string> sentences;
+  const Team team(threads);
+  team.run([&] {
+    if (!is_surface(mesh, team)) sentences = varimesh::loose_parts(mesh, facets(mesh, team), team);
+  });
+  return sentences;
+}
+
 void print_summary(const Arguments& arguments, const MeshSummary& mesh, const QualityReport& quality,
                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left) {
   std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
@@ -92,6 +104,8 @@ int quality(const Arguments& arguments) {
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
   const auto groups = find_unrepairable(arguments, file->mesh, found);
   const WhatIsLeft left = what_is_left(file->mesh, uncertified_numbers(found), groups, {});
+  for (const std::string& sentence : loose_parts(file->mesh, arguments.threads))
+    std::cerr << "varimesh: " << sentence << "\n";
   if (!arguments.output.empty())
     if (const auto written = write_marked(arguments, *file, groups); !written) return print_error(written.error());
   if (!arguments.report.empty())

@@ -15,6 +15,7 @@
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
+#include "core/mesh/loose_parts.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/on_geometry/optimise_on_geometry.h"
@@ -224,6 +225,15 @@ Expected<Result> optimise_sliding(HighOrderMesh mesh, const GeometryOptions& geo
   return std::move(done->result);
 }
 
+/// Says what does not hang together in a mesh that is to be optimised or judged.
+void note_loose_parts(const CheckedMesh& of, int threads, const RunHooks& hooks) {
+  if (!hooks.on_note || of.facets.first.empty()) return;
+  std::vector<std::string> sentences;
+  const Team team(threads);
+  team.run([&] { sentences = loose_parts(of.mesh, of.facets, team); });
+  for (const std::string& sentence : sentences) hooks.on_note(sentence);
+}
+
 Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const auto geometry = geometry_of(request);
   if (!geometry) return tl::unexpected(geometry.error());
@@ -244,6 +254,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
                             Team(request.options.threads));
   if (!checked) return tl::unexpected(checked.error());
   HighOrderMesh& mesh = checked->mesh;
+  note_loose_parts(*checked, request.options.threads, hooks);
   Options in_the_end = request.options;  // with the order of the result
   if (*geometry && (*geometry)->order > 0) in_the_end.order = (*geometry)->order;
   const auto outputs = definite_outputs(request.outputs, read_as);

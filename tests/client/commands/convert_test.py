@@ -51,6 +51,18 @@ class Convert(WithFolder):
         self.assertEqual(done.returncode, 3)
         self.assertIn("node 1 has a coordinate that is not a finite number", done.stderr)
 
+    def test_joins_coincident_nodes_if_asked_to(self):
+        apart, out = self.folder / "apart.msh", self.folder / "out.msh"
+        apart.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 1 0 0\n"
+                         "6 2 0 0\n7 2 1 0\n8 1 1 0\n$EndNodes\n$Elements\n2\n1 3 2 1 1 1 2 3 4\n2 3 2 1 1 5 6 7 8\n"
+                         "$EndElements\n")  # fmt: skip
+        self.assertIn("2 nodes of the boundary lie where another node lies, for example node 5 on node 2",
+                      run("quality", apart).stderr)  # fmt: skip
+        done = run("convert", apart, out, "--merge-nodes", "1e-9")
+        self.assertEqual((done.returncode, done.stderr), (0, "varimesh: 2 nodes were joined to others.\n"))
+        self.assertIn("2 3 2 1 1 2 6 7 3", out.read_text())
+        self.assertEqual(run("quality", out).stderr, "")
+
     def test_serendipity_elements_come_back_as_they_were(self):
         eight, out, mfem = (self.folder / name for name in ("eight.msh", "out.msh", "out.mesh"))
         eight.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0.5 -0.125 0\n"
