@@ -112,7 +112,9 @@ TEST(Geometry, MayBeTheOwnBoundaryOnEveryServer) {
     ASSERT_EQ(job.metrics().slide_trials_size(), 1);
     EXPECT_EQ(job.metrics().slide_trials(0).slide(), v1::SlideTrial::SLIDE_NONE);
     EXPECT_EQ(job.metrics().slide_trials(0).outcome(), v1::SlideTrial::OUTCOME_NO_BETTER);
-    if (in_processes) EXPECT_EQ(job.results(0).digest(), digest);
+    if (in_processes) {
+      EXPECT_EQ(job.results(0).digest(), digest);
+    }
     digest = job.results(0).digest();
   }
 }

@@ -275,7 +275,9 @@ TEST(Layers, AreGradedAsTheirHeightsGrow) {
         const double* x = &mesh.coordinates[3 * node];
         const double along = (bends ? std::atan2(x[0], x[1]) : x[0]) / step;
         const double came = distance(mesh.coordinates, node), is = distance(started.coordinates, node);
-        if (fixed[node]) EXPECT_EQ(is, came);
+        if (fixed[node]) {
+          EXPECT_EQ(is, came);
+        }
         if (fixed[node] || along < 0.99 || along > kAround - 0.99 || came > even.height(4)) continue;
         int layer = 0;
         while (even.height(layer + 1) < came * (1 - 1e-9)) ++layer;
