@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 namespace varimesh::geometry {
 namespace {
@@ -70,46 +71,158 @@ CurveFoot closest_from(const CurveShape& curve, const Eigen::Vector3d& point, do
   return {now.t, now.at.x, now.distance};
 }
 
-// The same with the 2 × 2 Hessian H = SᵀS + second derivatives · (S − x). SᵀS replaces it if it is not clearly positive
-// definite: if H₁₁ ≤ (SᵀS)₁₁/10 or det H ≤ det(SᵀS)/100.
-// A parameter that stands at an end of its range and would leave it is held.
+namespace {
+
+/// How often Newton's method goes on from a pole or a seam.
+constexpr int kMostPassages = 4;
+/// A parameter along which the surface is shorter than this, over how long it is along the other, does not count: there
+/// is a pole.
+constexpr double kPole = 1e-9;
+/// A step of Newton's method that is longer than this, over the length of the range, says only where downhill is.
+constexpr double kLongStep = 0.25;
+/// How many meridians of a pole are looked at.
+constexpr int kMeridians = 16;
+/// Ends of a range that are nearer than this, over the length of the surface along the other parameter, are one seam.
+constexpr double kSeam = 1e-9;
+
+/// Finds the foot of one point on a surface.
+class SurfaceDescent {
+ public:
+  SurfaceDescent(const SurfaceShape& surface, const Eigen::Vector3d& point)
+      : surface_(surface), point_(point), ranges_{surface.u_range(), surface.v_range()} {}
+
+  /// Newton's method from a guess. Where it ends at a pole or at a seam, from which the distance falls elsewhere, it
+  /// goes on there.
+  SurfaceFoot foot(double u, double v) const {
+    Standing now = place_at({u, v});
+    descend(now);
+    for (int k = 0; k < kMostPassages && now.distance < kInfinity; ++k) {
+      auto beyond = past_pole(now);
+      if (!beyond) beyond = past_seam(now);
+      if (!beyond) break;
+      descend(*beyond);
+      if (!(beyond->distance < now.distance)) break;
+      now = *beyond;
+    }
+    return {now.t[0], now.t[1], now.at.x, now.distance};
+  }
+
+ private:
+  using Standing = Place<Eigen::Vector2d, SurfacePoint>;
+
+  Eigen::Vector2d clamp(const Eigen::Vector2d& wish) const {
+    return {ranges_[0].clamp(wish[0]), ranges_[1].clamp(wish[1])};
+  }
+  Standing place_at(const Eigen::Vector2d& wish) const {
+    const Eigen::Vector2d clamped = clamp(wish);
+    const SurfacePoint at = surface_.at(clamped[0], clamped[1]);
+    return {clamped, at, distance_to(at.x, point_)};
+  }
+  bool is_first(std::size_t k, double t) const {
+    return ranges_[k].period <= 0 && t <= ranges_[k].first - ranges_[k].margin_before;
+  }
+  bool is_last(std::size_t k, double t) const {
+    return ranges_[k].period <= 0 && t >= ranges_[k].last + ranges_[k].margin_after;
+  }
+
+  // E(u, v) = ½ |S(u, v) − x|² with the 2 × 2 Hessian H = SᵀS + second derivatives · (S − x). SᵀS replaces it if it is
+  // not clearly positive definite: if H₁₁ ≤ (SᵀS)₁₁/10 or det H ≤ det(SᵀS)/100.
+  // A parameter that stands at an end of its range and would leave it is held.
+  void descend(Standing& now) const {
+    const auto nearer = [&](const Eigen::Vector2d& step) {
+      return step_nearer(now, step, point_, [&](const Eigen::Vector2d& wish) { return place_at(wish); });
+    };
+    for (int step = 0; step < kMostSteps && now.distance < kInfinity; ++step) {
+      const SurfacePoint& at = now.at;
+      const Eigen::Vector3d off = at.x - point_;
+      Eigen::Vector2d slope(at.du.dot(off), at.dv.dot(off));
+      Eigen::Matrix2d first, second;
+      first << at.du.squaredNorm(), at.du.dot(at.dv), at.du.dot(at.dv), at.dv.squaredNorm();
+      second << at.duu.dot(off), at.duv.dot(off), at.duv.dot(off), at.dvv.dot(off);
+      Eigen::Matrix2d bend = first + second;
+      if (bend(0, 0) <= 0.1 * first(0, 0) || bend.determinant() <= 0.01 * first.determinant()) bend = first;
+      bend.diagonal() += 1e-14 * Eigen::Vector2d::Constant(first.trace());
+      for (std::size_t k = 0; k < 2; ++k) {
+        const auto i = static_cast<Eigen::Index>(k);
+        if (!((is_first(k, now.t[i]) && slope[i] > 0) || (is_last(k, now.t[i]) && slope[i] < 0))) continue;
+        bend(0, 1) = bend(1, 0) = 0;
+        bend(i, i) = 1;
+        slope[i] = 0;
+      }
+      if (!(bend.determinant() > 0)) return;
+      const Eigen::Vector2d length(-(bend(1, 1) * slope[0] - bend(0, 1) * slope[1]) / bend.determinant(),
+                                   -(bend(0, 0) * slope[1] - bend(1, 0) * slope[0]) / bend.determinant());
+      if ((at.du * length[0] + at.dv * length[1]).norm() <= negligible(at.x, point_)) return;
+      const Eigen::Vector2d wish = now.t + length;
+      const double before = now.distance;
+      if (nearer(length)) continue;
+      // A step that was clamped, or that was too long, as near a pole, need not go downhill. One along the slope does,
+      // each parameter by itself.
+      const Eigen::Vector2d most(kLongStep * ranges_[0].length(), kLongStep * ranges_[1].length());
+      if (now.distance < before || (clamp(wish) == wish && (length.cwiseAbs().array() <= most.array()).all())) return;
+      const Eigen::Vector2d downhill(first(0, 0) > 0 ? -slope[0] / first(0, 0) : 0,
+                                     first(1, 1) > 0 ? -slope[1] / first(1, 1) : 0);
+      if (!nearer(downhill.cwiseMin(most).cwiseMax(-most))) return;
+    }
+  }
+
+  /// A place near a pole that is nearer to the point than the pole, where `now` is. At a pole one parameter does not
+  /// move the point, so Newton's method sees only the meridian on which it came. Here the meridian is chosen that leads
+  /// straight to the point.
+  std::optional<Standing> past_pole(const Standing& now) const {
+    for (std::size_t around = 0; around < 2; ++around) {
+      const std::size_t along = 1 - around;
+      const auto derivative = [&](const SurfacePoint& at) { return along == 0 ? at.du : at.dv; };
+      const Eigen::Vector3d& turn = around == 0 ? now.at.du : now.at.dv;
+      if (turn.norm() * ranges_[around].length() > kPole * derivative(now.at).norm() * ranges_[along].length())
+        continue;
+      double best = negligible(now.at.x, point_);
+      Eigen::Vector2d from = now.t, step = Eigen::Vector2d::Zero();
+      for (int i = 0; i < kMeridians; ++i) {
+        Eigen::Vector2d t = now.t;
+        t[Eigen::Index(around)] = ranges_[around].first + ranges_[around].length() * (i + 0.5) / kMeridians;
+        const Eigen::Vector3d away = derivative(surface_.at(t[0], t[1]));
+        const double downhill = away.dot(point_ - now.at.x) / away.norm();
+        const bool is_barred =
+            downhill > 0 ? is_last(along, t[Eigen::Index(along)]) : is_first(along, t[Eigen::Index(along)]);
+        if (is_barred || !(std::abs(downhill) > best)) continue;
+        best = std::abs(downhill);
+        from = t;
+        step[Eigen::Index(along)] = downhill / away.norm();
+      }
+      for (int half = 0; half < kMostHalvings && best > negligible(now.at.x, point_); ++half, step /= 2)
+        if (Standing there = place_at(from + step); there.distance < now.distance) return there;
+    }
+    return std::nullopt;
+  }
+
+  /// The same place on the other side of a seam, if `now` is on the seam of a surface that closes although its
+  /// parameter is not periodic, and the distance falls there.
+  std::optional<Standing> past_seam(const Standing& now) const {
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      const bool first = is_first(k, now.t[i]);
+      if (!first && !is_last(k, now.t[i])) continue;
+      Eigen::Vector2d t = now.t;
+      t[i] = first ? ranges_[k].last + ranges_[k].margin_after : ranges_[k].first - ranges_[k].margin_before;
+      const Standing there = place_at(t);
+      const double length = (k == 0 ? there.at.du : there.at.dv).norm() * ranges_[k].length();
+      const double slope = (k == 0 ? there.at.du : there.at.dv).dot(there.at.x - point_);
+      if ((there.at.x - now.at.x).norm() <= kSeam * length && (first ? slope > 0 : slope < 0)) return there;
+    }
+    return std::nullopt;
+  }
+
+  const SurfaceShape& surface_;
+  const Eigen::Vector3d& point_;
+  std::array<Range, 2> ranges_;
+};
+
+}  // namespace
+
 SurfaceFoot closest_from(const SurfaceShape& surface, const Eigen::Vector3d& point, double u, double v) {
   if (const PieceSearch* pieces = surface.pieces()) return pieces->closest_from(point, u, v);
-  const Range range_u = surface.u_range(), range_v = surface.v_range();
-  const auto place_at = [&](const Eigen::Vector2d& wish) {
-    const Eigen::Vector2d clamped(range_u.clamp(wish[0]), range_v.clamp(wish[1]));
-    const SurfacePoint at = surface.at(clamped[0], clamped[1]);
-    return Place<Eigen::Vector2d, SurfacePoint>{clamped, at, distance_to(at.x, point)};
-  };
-  auto now = place_at({u, v});
-  for (int step = 0; step < kMostSteps && now.distance < kInfinity; ++step) {
-    const SurfacePoint& at = now.at;
-    const Eigen::Vector3d off = at.x - point;
-    Eigen::Vector2d slope(at.du.dot(off), at.dv.dot(off));
-    Eigen::Matrix2d first, second;
-    first << at.du.squaredNorm(), at.du.dot(at.dv), at.du.dot(at.dv), at.dv.squaredNorm();
-    second << at.duu.dot(off), at.duv.dot(off), at.duv.dot(off), at.dvv.dot(off);
-    const auto held = [](const Range& range, double t, double downhill) {
-      return range.period <= 0 && ((t <= range.first - range.margin_before && downhill < 0) ||
-                                   (t >= range.last + range.margin_after && downhill > 0));
-    };
-    const std::array<bool, 2> hold = {held(range_u, now.t[0], -slope[0]), held(range_v, now.t[1], -slope[1])};
-    Eigen::Matrix2d bend = first + second;
-    if (bend(0, 0) <= 0.1 * first(0, 0) || bend.determinant() <= 0.01 * first.determinant()) bend = first;
-    bend.diagonal() += 1e-14 * Eigen::Vector2d::Constant(first.trace());
-    for (int k = 0; k < 2; ++k)
-      if (hold[static_cast<std::size_t>(k)]) {
-        bend(0, 1) = bend(1, 0) = 0;
-        bend(k, k) = 1;
-        slope[k] = 0;
-      }
-    if (!(bend.determinant() > 0)) break;
-    const Eigen::Vector2d length(-(bend(1, 1) * slope[0] - bend(0, 1) * slope[1]) / bend.determinant(),
-                                 -(bend(0, 0) * slope[1] - bend(1, 0) * slope[0]) / bend.determinant());
-    if ((at.du * length[0] + at.dv * length[1]).norm() <= negligible(at.x, point)) break;
-    if (!step_nearer(now, length, point, place_at)) break;
-  }
-  return {now.t[0], now.t[1], now.at.x, now.distance};
+  return SurfaceDescent(surface, point).foot(u, v);
 }
 
 namespace {
