@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <string>
 #include <utility>
@@ -14,11 +13,6 @@
 namespace varimesh::formats::hdf5 {
 
 namespace {
-
-/// Whether a section is of a format that is an HDF5 file.
-bool is_of_hdf5(const ForeignSection& section) {
-  return section.format == format_name(Format::Hopr) || section.format == format_name(Format::Cgns);
-}
 
 class Out {
  public:
@@ -39,17 +33,6 @@ class Out {
   void each(List& all, const Body& body) {
     to_.value(std::uint64_t(all.size()));
     for (auto& one : all) body(one);
-  }
-  /// Only those sections that the other side has a use for.
-  template <class Sections, class Body>
-  void sections(Sections& all, const Body& body) {
-    if constexpr (std::is_const_v<Sections>) {
-      std::vector<ForeignSection> own;
-      std::copy_if(all.begin(), all.end(), std::back_inserter(own), is_of_hdf5);
-      each(own, body);
-    } else {
-      each(all, body);
-    }
   }
 
  private:
@@ -78,10 +61,6 @@ class In {
       allowance_.look();
       body(all.emplace_back());
     }
-  }
-  template <class Body>
-  void sections(std::vector<ForeignSection>& all, const Body& body) {
-    each(all, body);
   }
 
  private:
@@ -129,7 +108,7 @@ void pass(Io& io, Mesh& mesh) {
     io.list(link.affine);
     io.list(link.nodes);
   });
-  io.sections(mesh.foreign, [&](auto& section) {
+  io.each(mesh.foreign, [&](auto& section) {
     io.list(section.name);
     io.list(section.bytes);
     io.list(section.format);
@@ -171,7 +150,7 @@ bool is_whole(const HighOrderMesh& mesh, const ElementBlock& block) {
   if (reference::info(block.shape).dimension > mesh.dimension) return false;
   const auto is_node = [&](std::int32_t node) { return node >= 0 && std::size_t(node) < mesh.node_count(); };
   const std::size_t repeats = block.physical.empty() ? 0 : block.physical.size() - 1;
-  const auto has = [&](int nodes) { return block.nodes.size() == block.size() * std::size_t(nodes); };
+  const auto has = [&](int nodes) { return nodes > 0 && block.nodes.size() == block.size() * std::size_t(nodes); };
   return (has(reference::node_count(block.shape, block.order)) ||
           has(reference::serendipity_node_count(block.shape, block.order))) &&
          std::all_of(block.nodes.begin(), block.nodes.end(), is_node) && are_tags(block.physical) &&
@@ -213,7 +192,9 @@ bool is_whole(const HighOrderMesh& mesh) {
              [](const PhysicalGroup& group) { return is_dimension(group.dimension) && are_tags({group.tag}); }) &&
          all(mesh.periodic, [&](const PeriodicLink& link) { return is_whole(mesh, link); }) &&
          // A note of another format would be written to files of that format as it is.
-         all(mesh.foreign, is_of_hdf5);
+         all(mesh.foreign, [](const ForeignSection& section) {
+           return section.format == format_name(Format::Hopr) || section.format == format_name(Format::Cgns);
+         });
 }
 
 }  // namespace

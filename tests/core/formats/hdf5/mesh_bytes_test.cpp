@@ -86,6 +86,7 @@ TEST(MeshBytes, OfAMeshThatIsNotWholeAreRefused) {
       [](HighOrderMesh& mesh) { mesh.blocks[0].shape = Shape(8); },
       [](HighOrderMesh& mesh) { mesh.blocks[0].order = 0; },
       [](HighOrderMesh& mesh) { mesh.blocks[0].nodes.pop_back(); },
+      [](HighOrderMesh& mesh) { mesh.blocks[0].nodes.clear(); },
       [&](HighOrderMesh& mesh) { mesh.blocks[0].nodes[5] = nodes(mesh); },
       [](HighOrderMesh& mesh) { mesh.blocks[0].nodes[5] = -1; },
       [](HighOrderMesh& mesh) { mesh.blocks[0].numbers[0] = -1; },
