@@ -14,8 +14,6 @@
 namespace varimesh::server {
 namespace {
 
-constexpr int kThreads = 4;
-
 struct PageFile {
   std::string_view path, type;
   std::initializer_list<const std::string_view*> parts;
@@ -82,7 +80,7 @@ Expected<std::unique_ptr<AdminServer>> AdminServer::start(const std::string& add
                                        "' is not a loopback address with a port; write --admin 127.0.0.1:9464.");
   if (!is_own_host(address.c_str())) return not_loopback;
   std::unique_ptr<AdminServer> admin(new AdminServer(std::move(live_status), std::move(ready), std::move(admit)));
-  const auto listening = admin->http_.listen(address, "--admin", kThreads, handle, admin.get());
+  const auto listening = admin->http_.listen(address, "--admin", handle, admin.get());
   if (!listening)
     return listening.error().kind == Error::Kind::BadOption ? not_loopback : tl::unexpected(listening.error());
   return admin;

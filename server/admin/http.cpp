@@ -10,6 +10,11 @@
 namespace varimesh::server {
 namespace {
 
+/// Threads that read and answer requests, and how long one request may take to come, in milliseconds. Requests come
+/// from this machine or its network, so they come at once. Connections that say nothing keep a thread each: n of them
+/// hold the others up for n / 48 × 2 s.
+constexpr const char *kThreads = "48", *kRequestTimeout = "2000";
+
 /// A page may load only its own server's files and must not execute markup from job data.
 constexpr const char* kPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
@@ -28,8 +33,8 @@ void send_http(mg_connection* connection, int status, std::string_view type, std
   if (!head) mg_write(connection, body.data(), body.size());
 }
 
-Expected<void> HttpServer::listen(const std::string& address, const std::string& flag, int threads,
-                                  int (*handle)(mg_connection*), void* user) {
+Expected<void> HttpServer::listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*),
+                                  void* user) {
   const auto colon = address.rfind(':');
   unsigned port = 65536;
   if (colon != std::string::npos) {
@@ -42,10 +47,9 @@ Expected<void> HttpServer::listen(const std::string& address, const std::string&
                       " 127.0.0.1:9464.");
   const std::string host = address.substr(0, colon);
   const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
-  const std::string thread_count = std::to_string(threads);
-  // There is no document root, so files of the disk are never served. There are few threads, and none waits long.
-  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", thread_count.c_str(),
-                           "request_timeout_ms", "10000",         nullptr};
+  // There is no document root, so files of the disk are never served.
+  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", kThreads,
+                           "request_timeout_ms", kRequestTimeout, nullptr};
   mg_callbacks callbacks{};
   callbacks.begin_request = handle;
   callbacks.log_message = [](const mg_connection*, const char*) { return 1; };  // not to standard error

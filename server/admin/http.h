@@ -17,14 +17,14 @@ inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJson
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
                const char* more = "");
 
-/// An HTTP server with threads of its own, without files of the disk. It ends with this object.
+/// An HTTP server with threads of its own, without files of the disk. It ends with this object. A connection that does
+/// not send a whole request keeps one of the threads until a request is given up.
 class HttpServer {
  public:
   /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Calls `handle` for each request,
   /// which must answer it; `user` is what mg_get_request_info() gives as its user data. `flag`: who asked for the
   /// address, for the messages. Errors: BadOption if the address has no port, Output if it is taken.
-  Expected<void> listen(const std::string& address, const std::string& flag, int threads, int (*handle)(mg_connection*),
-                        void* user);
+  Expected<void> listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*), void* user);
   HttpServer() = default;
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;

@@ -6,7 +6,6 @@
 namespace varimesh::server {
 namespace {
 
-constexpr int kThreads = 8;
 constexpr std::chrono::seconds kFresh{1};
 
 }  // namespace
@@ -14,7 +13,7 @@ constexpr std::chrono::seconds kFresh{1};
 Expected<std::unique_ptr<ProbeServer>> ProbeServer::start(const std::string& address, std::function<bool()> ready,
                                                           std::function<std::string()> metrics) {
   std::unique_ptr<ProbeServer> server(new ProbeServer(std::move(ready), std::move(metrics)));
-  if (const auto listening = server->http_.listen(address, "--metrics", kThreads, handle, server.get()); !listening)
+  if (const auto listening = server->http_.listen(address, "--metrics", handle, server.get()); !listening)
     return tl::unexpected(listening.error());
   return server;
 }

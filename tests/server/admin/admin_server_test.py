@@ -4,6 +4,7 @@ import http.client
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
 import tempfile
@@ -49,6 +50,18 @@ class Port(WithAdminPort):
     def test_answers_health_checks(self):
         self.assertEqual(self.ask("/healthz/live")[0], 200)
         self.assertEqual(self.ask("/healthz/ready")[::2], (200, "ready\n"))
+
+    def test_half_open_connections_do_not_silence_it(self):
+        host, port = self.admin.rsplit(":", 1)
+        silent = []
+        self.addCleanup(lambda: [one.close() for one in silent])
+        for i in range(40):
+            silent.append(socket.create_connection((host, int(port)), 20))
+            silent[-1].sendall(b"GET /healthz/live HTTP/1.1\r\nHost: 127.0.0.1\r\n" if i % 2 else b"")
+        began = time.monotonic()
+        for _ in range(3):
+            self.assertEqual(self.ask("/healthz/live")[0], 200)
+        self.assertLess(time.monotonic() - began, 8, "40 connections of a second round would take 100 s with 4 threads")
 
     def test_accepts_only_get_requests_from_this_machine(self):
         port = self.admin.rsplit(":", 1)[1]
