@@ -60,7 +60,6 @@ Helper start_helper(const HelperStart& start) {
   }
   for (std::size_t i = 0; i < copies.size(); ++i)
     posix_spawn_file_actions_adddup2(&files, copies[i], 3 + static_cast<int>(i));
-  posix_spawn_file_actions_addclosefrom_np(&files, 3 + static_cast<int>(copies.size()));
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t none, defaults;

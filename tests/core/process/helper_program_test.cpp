@@ -1,6 +1,7 @@
 // Programs that VariMesh starts: where they are found, and what they have.
 #include "core/process/helper_program.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -40,8 +41,9 @@ TEST(FindHelper, TakesTheVariableFirst) {
 
 TEST(Helper, HasTheFilesAndNoOthers) {
   int first[2], second[2];
-  ASSERT_EQ(::pipe(first), 0);
-  ASSERT_EQ(::pipe(second), 0);
+  // As all files of this process, they are closed when a program starts.
+  ASSERT_EQ(::pipe2(first, O_CLOEXEC), 0);
+  ASSERT_EQ(::pipe2(second, O_CLOEXEC), 0);
   // Each pipe's end becomes the other's number, if none takes care.
   const int files[] = {second[1], first[1]};
   EXPECT_EQ(
