@@ -1,4 +1,5 @@
 // varimesh convert: writes a mesh in another format.
+#include <cmath>
 #include <iostream>
 #include <optional>
 #include <span>
@@ -52,14 +53,23 @@ int convert(const Arguments& arguments) {
   if (const auto known = formats::for_output(arguments.output, requested, formats::Format::Auto); !known)
     return print_error(known.error());
   if (const auto writable = formats::check_writable(arguments.output); !writable) return print_error(writable.error());
+  if (std::isnan(arguments.merge))
+    return print_error(bad_option("--merge-nodes takes a distance, 0 or more, not 'nan'.").value());
   auto file = formats::read_file(arguments.input, machine_memory(), kAllThreads);
   if (!file) return print_error(file.error());
   for (const std::string& note : formats::reading_notes(file->mesh)) std::cerr << "varimesh: " << note << "\n";
   const auto format = formats::for_output(arguments.output, requested, file->format);
   if (!format) return print_error(format.error());
 
-  if (arguments.merge >= 0)
-    std::cerr << "varimesh: " << merge_nodes(file->mesh, arguments.merge) << " nodes were joined to others.\n";
+  if (arguments.merge >= 0) {
+    const std::size_t joined = merge_nodes(file->mesh, arguments.merge);
+    std::cerr << "varimesh: " << joined << (joined == 1 ? " node was" : " nodes were") << " joined to others.\n";
+    if (const auto whole = check_judgeable(file->mesh); joined > 0 && !whole)
+      return print_error(bad_input("With nodes joined, the mesh cannot be used: " + whole.error().sentence +
+                                   " Give --merge-nodes a tolerance well below the shortest edge, and above the "
+                                   "distances of all nodes that belong together.")
+                             .value());
+  }
   if (arguments.orient)
     if (const auto done = orient(file->mesh); !done) return print_error(done.error());
   // A mesh whose quality cannot be computed is written without marks.

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/mesh/bounding_box.h"
 #include "core/reference/basis.h"
@@ -193,21 +194,34 @@ std::vector<std::pair<std::int32_t, std::int32_t>> coincident_nodes(const HighOr
                                                                     const std::vector<std::int32_t>& nodes,
                                                                     double tolerance) {
   const auto x = [&](std::int32_t node) { return mesh.coordinates.data() + 3 * static_cast<std::size_t>(node); };
-  std::vector<std::int32_t> sorted = nodes;
-  std::ranges::sort(sorted, [&](std::int32_t a, std::int32_t b) {
-    return std::lexicographical_compare(x(a), x(a) + 3, x(b), x(b) + 3);
-  });
-  // By place in `sorted`: the lowest node of the group.
-  std::vector<std::int32_t> lowest = sorted;
+  // Nodes that are near each other are near each other in every direction. In this one, hardly any others are: nodes of
+  // a plane or of a grid along the axes are not.
+  constexpr double kAcross[] = {0.5698402909980532, 0.7548776662466927, 0.3247179572447460};  // a unit vector, nearly
+  std::vector<std::pair<double, std::int32_t>> sorted;
+  for (const std::int32_t node : nodes)
+    sorted.emplace_back(kAcross[0] * x(node)[0] + kAcross[1] * x(node)[1] + kAcross[2] * x(node)[2], node);
+  std::ranges::sort(sorted);
+  // A forest by place in `sorted`; the root of a tree has its lowest node.
+  std::vector<std::size_t> parent(sorted.size());
+  std::iota(parent.begin(), parent.end(), std::size_t{0});
+  const auto root = [&](std::size_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
   for (std::size_t i = 0; i < sorted.size(); ++i)
-    for (std::size_t k = i + 1; k < sorted.size() && x(sorted[k])[0] - x(sorted[i])[0] <= tolerance; ++k) {
-      const double *a = x(sorted[i]), *b = x(sorted[k]);
+    for (std::size_t k = i + 1; k < sorted.size() && sorted[k].first - sorted[i].first <= tolerance; ++k) {
+      const double *a = x(sorted[i].second), *b = x(sorted[k].second);
       if (std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) > tolerance) continue;
-      lowest[i] = lowest[k] = std::min(lowest[i], lowest[k]);
+      const std::size_t one = root(i), other = root(k);
+      if (sorted[one].second < sorted[other].second)
+        parent[other] = one;
+      else
+        parent[one] = other;
     }
   std::vector<std::pair<std::int32_t, std::int32_t>> pairs;
   for (std::size_t i = 0; i < sorted.size(); ++i)
-    if (lowest[i] < sorted[i]) pairs.emplace_back(sorted[i], lowest[i]);
+    if (const std::int32_t lowest = sorted[root(i)].second; lowest < sorted[i].second)
+      pairs.emplace_back(sorted[i].second, lowest);
   std::ranges::sort(pairs);
   return pairs;
 }

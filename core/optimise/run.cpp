@@ -106,7 +106,8 @@ void Run::judge_as_it_came() {
   at_start_ = !set_up_.as_it_came.empty() && options_.layer_spacing != LayerSpacing::Keep
                   ? report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_)
                   : result_.before;
-  if (options_.layer_spacing != LayerSpacing::Keep && set_up_.layers.cells == 0)
+  const bool looked = options_.max_iterations > 0;
+  if (looked && options_.layer_spacing != LayerSpacing::Keep && set_up_.layers.cells == 0)
     result_.notes.emplace_back("There are no layers of thin elements at a wall, so layer_spacing changes nothing.");
   if (!set_up_.layers.held.empty() || set_up_.layers.placed > 0)
     result_.notes.push_back(layers_text(set_up_.layers, options_.layer_spacing));
@@ -125,7 +126,7 @@ std::string Run::why_unmoved() {
   if (set_up_.summary.free_nodes == 0)
     return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. 'varimesh "
            "optimise --order' gives elements inner nodes, and '--free' frees interfaces.";
-  if (has_no_free_node()) return "All nodes lie on surfaces parallel to a curved wall already, so nothing was moved.";
+  if (has_no_free_node()) return "All nodes lie on surfaces parallel to a wall already, so nothing was moved.";
   if (result_.iterations == 0 && result_.stop_reason == StopReason::Valid)
     return "Every element is certified valid already, so nothing was moved.";
   if (result_.iterations == 0 && result_.stop_reason == StopReason::Quality)

@@ -62,6 +62,14 @@ TEST(LooseParts, CoincidentNodesAreCountedAndJoined) {
   EXPECT_EQ(std::ranges::count_if(facets(mesh).neighbour, [](std::int32_t n) { return n >= 0; }), 2);
 }
 
+/// Nodes that are joined by others between them belong to one group, in any order of their numbers.
+TEST(LooseParts, ChainsOfCoincidentNodesAreOneGroup) {
+  HighOrderMesh mesh;
+  mesh.coordinates = {.018, 0, 0, 0, 0, 0, .009, 0, 0, 1, 0, 0};
+  const auto pairs = coincident_nodes(mesh, {0, 1, 2, 3}, .01);
+  EXPECT_EQ(pairs, (std::vector<std::pair<std::int32_t, std::int32_t>>{{1, 0}, {2, 0}}));
+}
+
 TEST(LooseParts, HangingNodesAreCounted) {
   for (const int order : {1, 3}) {
     // One square beside two of half its height.
