@@ -16,6 +16,7 @@
 #include "core/formats/ism/ism.h"
 #include "core/formats/mfem/mfem.h"
 #include "core/formats/nektar/nektar.h"
+#include "core/formats/numbering/cgns_order.h"
 #include "core/formats/other_files.h"
 #include "core/formats/su2/su2.h"
 #include "core/formats/vtu/read.h"
@@ -112,10 +113,17 @@ Expected<void> complete(HighOrderMesh& mesh, std::int64_t file_bytes, int thread
   return {};
 }
 
+// Whether the format has such elements of these shapes.
+bool has_serendipity(const FormatEntry& entry, const std::vector<Shape>& shapes, int order) {
+  if (order > entry.serendipity_order) return false;
+  return entry.format != Format::Cgns ||
+         std::ranges::all_of(shapes, [&](Shape shape) { return cgns_serendipity_type(shape, order) != 0; });
+}
+
 // The mesh with the serendipity elements that it came with, if it still consists of such and the format has them.
 std::optional<HighOrderMesh> as_it_came(const HighOrderMesh& mesh, const FormatEntry& entry) {
   const std::vector<Shape> shapes = serendipity_of(mesh);
-  if (shapes.empty() || mesh.order > entry.serendipity_order) return std::nullopt;
+  if (shapes.empty() || !has_serendipity(entry, shapes, mesh.order)) return std::nullopt;
   return as_serendipity(mesh, shapes);
 }
 
@@ -125,7 +133,7 @@ std::string no_serendipity(const HighOrderMesh& mesh, const FormatEntry& entry) 
   const std::string complete =
       "The elements that came as serendipity elements are written as complete elements of order " +
       std::to_string(mesh.order) + ", because ";
-  return complete + (mesh.order > entry.serendipity_order
+  return complete + (!has_serendipity(entry, serendipity_of(mesh), mesh.order)
                          ? "the format has no others."
                          : "the nodes inside their faces are no longer where serendipity elements would have them.");
 }

@@ -103,7 +103,7 @@ const std::array kTable{
     number("min_js", &Options::min_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
            "The scaled Jacobian that every element is to keep or reach with the objective accuracy"),
     row("layer_spacing", choice<LayerSpacing, &Options::layer_spacing>(kLayerSpacing),
-        "How nodes are spaced across thin layers at curved walls with the objective accuracy: as they came, evenly in "
+        "How nodes are spaced across thin layers at walls with the objective accuracy: as they came, evenly in "
         "each element, or graded as the heights of the layers grow"),
     number("p_norm", &Options::p_norm, {.least = 1, .most = 16}, "1 (the energy itself) to 16",
            "The power to which the elements' mean energies are summed; a higher one weighs the worst elements more"),

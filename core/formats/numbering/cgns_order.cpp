@@ -75,11 +75,14 @@ int cgns_type(Shape shape, int order) {
   return 0;
 }
 
-int cgns_type(const ElementBlock& block) {
-  if (!is_serendipity(block)) return cgns_type(block.shape, block.order);
+int cgns_serendipity_type(Shape shape, int order) {
   for (const Row& row : kSerendipity)
-    if (row.shape == block.shape && row.order == block.order) return row.type;
+    if (row.shape == shape && row.order == order) return row.type;
   return 0;
+}
+
+int cgns_type(const ElementBlock& block) {
+  return is_serendipity(block) ? cgns_serendipity_type(block.shape, block.order) : cgns_type(block.shape, block.order);
 }
 
 std::optional<CgnsType> cgns_element(std::int64_t type) {

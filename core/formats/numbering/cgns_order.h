@@ -24,6 +24,8 @@ struct CgnsType {
 /// The number of an element type, for orders up to kMostCgnsOrder.
 int cgns_type(Shape shape, int order);
 
+/// The number of the type of serendipity elements; 0 if there is none.
+int cgns_serendipity_type(Shape shape, int order);
 /// The number of the type of a block's elements, which may be serendipity ones.
 int cgns_type(const ElementBlock& block);
 

@@ -197,7 +197,7 @@ class Attempts {
     // Larger patches take most of the time of a run, and the run before has untangled them in vain.
     control.shallow_untangling = control.shallow_untangling || options.objective == Objective::Energy;
     Result result = Run(**prepared, pass_on, control, stop_).go();
-    // Objective::Worst ends no lower than the default, attempts included.
+    // Objective::Worst ends no lower than the default, attempts included, if all cells are valid.
     if (options.objective != set_up_.options.objective) try_other_ways(**prepared, pass_on, control_, stop_, result);
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;

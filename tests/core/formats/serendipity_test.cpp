@@ -7,6 +7,7 @@
 #include "core/formats/reading_notes.h"
 #include "core/mesh/changes/serendipity_elements.h"
 #include "core/mesh/check.h"
+#include "tests/core/hdf/program.h"
 #include "tests/core/support/formats.h"
 #include "tests/core/support/samples.h"
 
@@ -106,6 +107,21 @@ TEST(MixedOrders, AreRaisedByReading) {
       formats::reading_notes(mesh)[0],
       "Elements of lower order became elements of order 2 with the same geometry: 1 triangle of order 1. The 2 new "
       "nodes have the numbers 21 to 22.");
+}
+
+/// CGNS has no triangle of nine nodes among the types that are written, so it becomes one of ten.
+TEST(SerendipityFiles, AreCompleteWhereTheFormatHasNoSuchType) {
+  if (!testing::use_hdf5()) GTEST_SKIP() << "SKIPPED: VariMesh is built without HDF5 (libhdf5-dev)";
+  const std::string nine =
+      "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n9\n1 0 0 0\n2 3 0 0\n3 0 3 0\n4 1 0 0\n5 2 0 0\n6 2 1 0\n7 1 2 0\n"
+      "8 0 2 0\n9 0 1 0\n$EndNodes\n$Elements\n1\n1 20 2 1 1 1 2 3 4 5 6 7 8 9\n$EndElements\n";
+  const HighOrderMesh mesh = read_back(nine);
+  ASSERT_EQ(mesh.node_count(), 10U);
+  EXPECT_NE(formats::left_out(mesh, Format::Cgns).find("complete elements"), std::string::npos);
+  const HighOrderMesh again = read_back(test::written(mesh, Format::Cgns));
+  EXPECT_EQ(again.node_count(), 10U);
+  EXPECT_EQ(again.element_count(2), 1U);
+  EXPECT_EQ(test::written(mesh, Format::Msh22).find(" 21 "), std::string::npos) << "Gmsh has the type 20";
 }
 
 }  // namespace
