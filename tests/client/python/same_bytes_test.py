@@ -4,6 +4,7 @@ import os
 import subprocess
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import support
 
@@ -76,4 +77,5 @@ class SameBytes(support.WithServer):
 
 
 if __name__ == "__main__":
-    support.main()
+    with mock.patch.dict(os.environ, VARIMESH_OPENCASCADE=str(PLUGIN)):
+        support.main()
