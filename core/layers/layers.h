@@ -26,18 +26,14 @@ struct LayerStart {
 /// solution that varies with the distance from the wall keep its accuracy, and only then do layers stay valid that are
 /// thinner than the wall bends.
 ///
-/// - Cells that are certified valid and have their nodes near parallel surfaces, to within a fiftieth of their height,
-/// stay as
-///   they are.
-/// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells
-/// that
-///   would lose a certificate by it, and those that do not become valid, get their nodes back.
-/// - With a spacing that is not kept, the walls may be flat, and the nodes of all cells that are at most twice as high
-/// as wide go to
-///   parallel surfaces with that spacing.
-/// - If at least one cell of the mesh becomes certified valid by this, the nodes stay there. If all are valid then, the
-/// nodes
-///   of the cells of both kinds are held.
+/// - Cells stay as they are if they are certified valid and their nodes lie near parallel surfaces, to within a fiftieth
+///   of the height of the cell.
+/// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells get
+///   their nodes back if they would lose a certificate by it, or do not become valid.
+/// - With a spacing that is not kept, the walls may be flat. The nodes of all cells that are at most twice as high as
+///   wide go to parallel surfaces with that spacing.
+/// - The nodes stay there if at least one cell of the mesh becomes certified valid by this, or if the spacing is not
+///   kept. If all cells are valid then, the nodes of the cells of both kinds are held.
 ///
 /// In a mesh whose cells are all certified valid, no node moves if the spacing is kept. Vertices never do. `fixed`: by
 /// node, whether it must stay. Call it inside team.run().

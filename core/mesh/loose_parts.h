@@ -12,15 +12,14 @@
 
 namespace varimesh {
 
-/// For some nodes, the pairs (node, lower node) that are at most `tolerance` apart: each node that has a lower one so
-/// near, with the lowest of them. `nodes` ascends.
+/// Of these nodes, groups that hang together by distances of at most `tolerance`: each node but the lowest of its group,
+/// with that lowest one. `nodes` ascends, and so do the pairs.
 std::vector<std::pair<std::int32_t, std::int32_t>> coincident_nodes(const HighOrderMesh& mesh,
                                                                     const std::vector<std::int32_t>& nodes,
                                                                     double tolerance);
 
 /// One sentence each, with a count and an example, on:
-///   - nodes of the boundary that lie at the same place, up to 10⁻⁹ of the mesh's diagonal: parts that were put
-///   together
+///   - nodes of the boundary that lie at the same place, up to 10⁻⁹ of the mesh's diagonal: parts were put together
 ///     without merging their nodes
 ///   - vertices of the boundary that lie on a boundary facet of another cell: hanging nodes
 ///   - elements of one dimension less than the cells that are no facet of a cell
