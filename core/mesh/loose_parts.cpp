@@ -125,7 +125,7 @@ bool lies_on(const HighOrderMesh& mesh, const Side& side, const Vector& point, d
   return inside && miss.norm() < kOn * size;
 }
 
-/// Vertices of the boundary that lie on a boundary facet but are not among its nodes. Each comes with a node of the facet.
+/// Vertices of the boundary that lie on a boundary facet but are not among its nodes. Each comes with a node of it.
 std::vector<std::pair<std::int32_t, std::int32_t>> hanging_nodes(const HighOrderMesh& mesh,
                                                                  const std::vector<Side>& sides, const Vector& extent,
                                                                  double tolerance) {

@@ -12,8 +12,8 @@
 
 namespace varimesh {
 
-/// Of these nodes, groups that hang together by distances of at most `tolerance`: each node but the lowest of its group,
-/// with that lowest one. `nodes` ascends, and so do the pairs.
+/// Of these nodes, groups that hang together by distances of at most `tolerance`: each node but the lowest of its
+/// group, with that lowest one. `nodes` ascends, and so do the pairs.
 std::vector<std::pair<std::int32_t, std::int32_t>> coincident_nodes(const HighOrderMesh& mesh,
                                                                     const std::vector<std::int32_t>& nodes,
                                                                     double tolerance);
