@@ -6,9 +6,9 @@
 #include <chrono>
 #include <optional>
 
-#include "core/formats/formats.h"
 #include "server/api/chunks.h"
 #include "server/api/result_source.h"
+#include "server/meshes/disk.h"
 #include "server/streams/event_source.h"
 
 namespace varimesh::server {
@@ -108,10 +108,9 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
 
   grpc::Status take_spec() {
     if (spec_) return refuse("The spec must be sent exactly once, as the first message.");
-    const std::int64_t size = request_.spec().size(), max = api_.limits.max_mesh_bytes;
-    if (size > max) return status(mesh_too_large(max, size));
-    const std::int64_t least = formats::least_memory(size), memory = api_.limits.max_memory_bytes;
-    if (memory > 0 && least > memory) return status(mesh_needs_memory(memory, least));
+    const std::int64_t size = request_.spec().size();
+    if (const auto checked = check_size(size, api_.limits.max_mesh_bytes, api_.limits.max_memory_bytes); !checked)
+      return status(checked.error());
     spec_ = std::move(*request_.mutable_spec());
     kept_ = view_->keep_share();
     if (const auto room = keep(size); !room) return status(room.error());

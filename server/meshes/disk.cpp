@@ -38,15 +38,20 @@ bool move_to_damaged(const std::filesystem::path& directory, const std::string& 
          sync_directory(directory);
 }
 
+Answer<void> check_size(std::int64_t size, std::int64_t max_mesh_bytes, std::int64_t max_memory_bytes) {
+  if (size < 0) return bad_request("The size of a mesh must not be negative.");
+  if (size > max_mesh_bytes) return mesh_too_large(max_mesh_bytes, size);
+  const std::int64_t least = formats::least_memory(size);
+  if (max_memory_bytes > 0 && least > max_memory_bytes) return mesh_needs_memory(max_memory_bytes, least);
+  return {};
+}
+
 Answer<void> check_upload(const std::string& id, const std::string& digest, std::int64_t size,
                           std::int64_t max_mesh_bytes, std::int64_t max_memory_bytes) {
   if (id.empty() || id.size() > 128) return bad_request("The upload id must have 1 to 128 bytes.");
   if (!is_sha256(digest))
     return bad_request("The digest must be the SHA-256 of the mesh as 64 lowercase hexadecimal digits.");
-  if (size < 0 || size > max_mesh_bytes) return mesh_too_large(max_mesh_bytes, size);
-  const std::int64_t least = formats::least_memory(size);
-  if (max_memory_bytes > 0 && least > max_memory_bytes) return mesh_needs_memory(max_memory_bytes, least);
-  return {};
+  return check_size(size, max_mesh_bytes, max_memory_bytes);
 }
 
 std::int64_t next_stream() {

@@ -17,6 +17,10 @@
 
 namespace varimesh::server {
 
+/// Checks the size that a client says its mesh has, in bytes; limits as below. Errors: INVALID_ARGUMENT for a negative
+/// one, with which sums of room would come out too small; RESOURCE_EXHAUSTED.
+Answer<void> check_size(std::int64_t size, std::int64_t max_mesh_bytes, std::int64_t max_memory_bytes);
+
 /// Checks what a client says about its upload. `max_mesh_bytes`: size of the largest mesh. `max_memory_bytes`: memory
 /// for a mesh that is read; 0: no limit. Errors as for MeshStore::begin_upload().
 Answer<void> check_upload(const std::string& id, const std::string& digest, std::int64_t size,

@@ -1,6 +1,7 @@
 // How much an owner may store and hold open, whatever the order of the calls.
 #include <atomic>
 #include <chrono>
+#include <limits>
 #include <thread>
 
 #include "tests/server/access/owners.h"
@@ -87,6 +88,10 @@ TEST_F(OwnersOfThreeMebibytes, CannotPassTheirLimitByOptimise) {
   const std::string large(8 << 20, 'x'), small(1 << 20, 'y');
   EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 0)).reason(), "OWNER_FULL") << "it announces nothing";
   EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 10)).reason(), "BAD_REQUEST") << "it announces too little";
+  for (const std::int64_t negative :
+       {std::int64_t{-1}, -(std::int64_t{1} << 40), std::numeric_limits<std::int64_t>::min()})
+    EXPECT_EQ(info_of(optimise(*service_, kAnn, large, negative)).reason(), "BAD_REQUEST") << negative;
+  EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 0)).reason(), "OWNER_FULL") << "the sizes before changed no sum";
   EXPECT_TRUE(optimise(*service_, kAnn, small, 0).ok());
 }
 

@@ -1,15 +1,29 @@
-// Names of directories.
+// What clients say about their uploads, and names of directories.
 #include "server/meshes/disk.h"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <set>
 #include <thread>
 
 namespace varimesh::server::testing {
 namespace {
+
+TEST(SizeOfAMesh, IsCheckedBeforeAnySumIsMadeWithIt) {
+  for (const std::int64_t negative : {std::int64_t{-1}, std::numeric_limits<std::int64_t>::min()}) {
+    const auto checked = check_size(negative, 1 << 20, 0);
+    ASSERT_FALSE(checked);
+    EXPECT_EQ(checked.error().reason, "BAD_REQUEST");
+    EXPECT_FALSE(check_upload("id", std::string(64, 'a'), negative, 1 << 20, 0));
+  }
+  EXPECT_EQ(check_size((1 << 20) + 1, 1 << 20, 0).error().reason, "MESH_TOO_LARGE");
+  EXPECT_EQ(check_size(1 << 20, 1 << 20, 10).error().reason, "MESH_TOO_LARGE");
+  EXPECT_TRUE(check_size(1 << 20, 1 << 20, 0));
+  EXPECT_TRUE(check_size(0, 1 << 20, 1 << 30));
+}
 
 class NameOfDirectory : public ::testing::Test {
  protected:
