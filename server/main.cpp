@@ -13,6 +13,7 @@
 //   varimeshd migrate --store postgresql://farm@db/varimesh    makes the tables of a database for the jobs
 //   varimeshd --state state --store postgresql://…             keeps the jobs there
 //   varimeshd --state state --store postgresql://… --meshes /shared --role worker     runs jobs, beside other servers
+#include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -20,10 +21,10 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <iostream>
 #include <string>
 
+#include "core/base/io/write_all.h"
 #include "core/base/machine_memory.h"
 #include "core/base/version.h"
 #include "server/addresses.h"
@@ -32,6 +33,7 @@
 #include "server/isolation/process_engine.h"
 #include "server/log/log.h"
 #include "server/maintenance/commands.h"
+#include "server/meshes/disk.h"
 #include "server/meshes/s3/bucket.h"
 #include "server/notify.h"
 #include "server/postgres/database.h"
@@ -60,14 +62,16 @@ sigset_t block_signals() {
 }
 
 /// Writes the address to a file beside `path` and renames it, so that a program that waits for `path` reads all of it.
+/// Another user who may write in the folder cannot guess the name of that file, and no link is followed.
 bool write_port_file(const std::string& path, const std::string& address) {
-  const std::string beside = path + ".new";
-  {
-    std::ofstream file(beside);
-    file << address << '\n';
-    if (!file.flush()) return false;
-  }
-  return std::rename(beside.c_str(), path.c_str()) == 0;
+  const std::string beside = path + ".part-" + varimesh::server::random_name();
+  const int file = ::open(beside.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666);
+  if (file < 0) return false;
+  const bool written = varimesh::write_all(file, address + "\n");
+  ::close(file);
+  if (written && std::rename(beside.c_str(), path.c_str()) == 0) return true;
+  ::unlink(beside.c_str());
+  return false;
 }
 
 /// Tells the address of the server. Returns false, after a message, if the port file cannot be written.

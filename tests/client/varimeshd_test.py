@@ -4,6 +4,7 @@ import signal
 import os
 import sqlite3
 import subprocess
+import time
 import unittest
 
 from programs import ENDLESS, LARGER, MESH, VARIMESHD, Server, WithFolder, run, start, wait_for_line
@@ -39,6 +40,28 @@ class Varimeshd(WithFolder):
         client.send_signal(signal.SIGINT)  # The client waits for the server to come back.
         client.communicate(timeout=30)
         self.assertIn(client.returncode, (1, 5, 130))
+
+    def test_the_port_file_is_not_written_through_links(self):
+        for planted in ("address", "address.new"):
+            with self.subTest(planted):
+                folder = self.folder / planted
+                folder.mkdir()
+                victim, port_file = folder / "victim", folder / "address"
+                victim.write_text("untouched")
+                (folder / planted).symlink_to(victim)
+                process = subprocess.Popen([VARIMESHD, "--listen", "127.0.0.1:0", "--port-file", port_file, "--log-level",
+                                            "off", "--data", folder])
+                self.addCleanup(lambda process=process: process.poll() is None and process.kill())
+                deadline = time.monotonic() + 20
+                while port_file.is_symlink() or not port_file.exists():
+                    self.assertIsNone(process.poll())
+                    self.assertLess(time.monotonic(), deadline)
+                    time.sleep(0.01)
+                self.assertEqual(run("info", "--server", port_file.read_text().strip()).returncode, 0)
+                process.terminate()
+                self.assertEqual(process.wait(20), 0)
+                self.assertEqual(victim.read_text(), "untouched")
+                self.assertEqual(list(folder.glob("*.part-*")), [])
 
     def test_only_the_owner_may_use_a_socket(self):
         path = self.folder / "socket"
