@@ -49,21 +49,23 @@ grpc::ServerUnaryReactor* HealthService::Check(grpc::CallbackServerContext* call
 
 grpc::ServerWriteReactor<HealthCheckResponse>* HealthService::Watch(
     grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) {
-  auto last = std::make_shared<int>(-1);
-  return StreamOut<HealthCheckResponse>::open(
-      api_, call,
-      Pump<HealthCheckResponse>::Source(
-          [this, service = request->service(), last](HealthCheckResponse* response, bool, grpc::Status*) {
-            const auto now = state(service);
-            if (now == *last) return Pull::Wait;
-            *last = now;
-            response->set_status(now);
-            return Pull::Message;
-          }),
-      [this](std::weak_ptr<Listener> listener) {
-        std::lock_guard lock(mutex_);
-        watchers_.push_back(std::move(listener));
-      });
+  using Stream = StreamOut<HealthCheckResponse>;
+  const std::string address = peer_address(call->peer());
+  Answer<Stream::Source> source = peer_limit(address, open_.most(), "open watches of the health");
+  if (auto place = open_.take(address); place != nullptr)
+    source = Stream::Source([this, place = std::move(place), service = request->service(),
+                             last = std::make_shared<int>(-1)](HealthCheckResponse* response, bool, grpc::Status*) {
+      const auto now = state(service);
+      if (now == *last) return Pull::Wait;
+      *last = now;
+      response->set_status(now);
+      return Pull::Message;
+    });
+  return Stream::open(api_, call, std::move(source), [this](std::weak_ptr<Listener> listener) {
+    std::lock_guard lock(mutex_);
+    std::erase_if(watchers_, [](const auto& watcher) { return watcher.expired(); });
+    watchers_.push_back(std::move(listener));
+  });
 }
 
 }  // namespace varimesh::server

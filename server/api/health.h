@@ -16,7 +16,7 @@ namespace varimesh::server {
 /// of its services.
 class HealthService : public grpc::health::v1::Health::CallbackService {
  public:
-  explicit HealthService(const ApiContext& api) : api_(api) {}
+  explicit HealthService(const ApiContext& api) : api_(api), open_(api.limits.max_watches_per_peer) {}
 
   void set_serving(bool serving);
   bool serving() {
@@ -34,6 +34,7 @@ class HealthService : public grpc::health::v1::Health::CallbackService {
   grpc::health::v1::HealthCheckResponse::ServingStatus state(const std::string& service);
 
   const ApiContext& api_;
+  PeerCounts open_;  ///< Watches of each address: who asks for the health needs no token.
   std::mutex mutex_;
   bool serving_ = false;
   std::vector<std::weak_ptr<Listener>> watchers_;

@@ -1,4 +1,5 @@
 // The limits per address, over a connection on loopback.
+#include "grpc/health/v1/health.grpc.pb.h"
 #include "tests/server/service.h"
 
 namespace varimesh::server::testing {
@@ -48,6 +49,39 @@ TEST(PeerLimit, OfWatches) {
     if (!status.ok()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST(PeerLimit, OfWatchesOfTheHealth) {
+  ServerOptions options = options_with(echo_engine());
+  options.limits.max_watches_per_peer = 2;
+  const Service service(std::move(options));
+  const auto stub = grpc::health::v1::Health::NewStub(service.channel);
+  grpc::health::v1::HealthCheckResponse response;
+  grpc::ClientContext contexts[3];
+  const auto first = stub->Watch(&contexts[0], {}), second = stub->Watch(&contexts[1], {});
+  ASSERT_TRUE(first->Read(&response));
+  ASSERT_TRUE(second->Read(&response));
+  const auto third = stub->Watch(&contexts[2], {});
+  EXPECT_FALSE(third->Read(&response));
+  expect_peer_limit(third->Finish());
+  grpc::ClientContext checking;
+  EXPECT_TRUE(stub->Check(&checking, {}, &response).ok()) << "a check is no watch";
+  const v1::Job job = service.submit(service.spec_for("a mesh"));
+  EXPECT_EQ(service.wait_for(job.name()).state(), v1::JOB_STATE_SUCCEEDED) << "watches of jobs count for themselves";
+  for (grpc::ClientContext& context : contexts) context.TryCancel();
+  first->Finish();
+  second->Finish();
+  // The server learns of the cancels after a while.
+  bool begins = false;
+  for (int i = 0; i < 1000 && !begins; ++i) {
+    grpc::ClientContext context;
+    const auto again = stub->Watch(&context, {});
+    begins = again->Read(&response);
+    context.TryCancel();
+    again->Finish();
+    if (!begins) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(begins);
 }
 
 TEST(PeerLimit, OfUploads) {
