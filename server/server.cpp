@@ -18,6 +18,7 @@
 #include "server/metrics/metrics.h"
 #include "server/scheduling/scheduler.h"
 #include "server/state/stores.h"
+#include "server/tls/last_good_files.h"
 #include "server/upkeep.h"
 
 namespace varimesh::server {
@@ -175,6 +176,11 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (const auto checked = check_tls_files(options.tls); !checked) return tl::unexpected(checked.error());
 
   std::unique_ptr<Server> server(new Server(std::move(options)));
+  if (const TlsFiles& files = server->options_.tls; files.are_given()) {
+    auto copied = LastGoodFiles::of(files);
+    if (!copied) return tl::unexpected(copied.error());
+    server->tls_ = std::move(*copied);
+  }
   if (const auto read = server->read_tokens(); !read) return tl::unexpected(read.error());
   if (const auto opened = server->open_stores(); !opened) return tl::unexpected(opened.error());
   if (const auto started = server->start_scheduler(); !started) return tl::unexpected(started.error());
@@ -182,8 +188,8 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
                                                  server->options_.limits, *server->pages_, server->options_.clock(),
                                                  server->options_.metrics.empty() ? nullptr : server->metrics_.get());
   // The port does not answer before the server does, since probes ask for what comes below.
-  if (const auto listening =
-          server->endpoint_->listen(server->options_.listen, server_credentials(server->options_.tls));
+  if (const auto listening = server->endpoint_->listen(
+          server->options_.listen, server_credentials(server->tls_ == nullptr ? TlsFiles() : server->tls_->copies()));
       !listening)
     return tl::unexpected(listening.error());
   server->self_check_ = std::make_unique<SelfCheck>(server->address(), server->options_.tls.are_given());
@@ -191,7 +197,7 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
   if (const auto started = server->start_metrics_port(); !started) return tl::unexpected(started.error());
   server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
-                                             *server->endpoint_, *server->self_check_, server->options_.tls,
+                                             *server->endpoint_, *server->self_check_, server->tls_.get(),
                                              Watchdog{server->options_.limits.watchdog, server->options_.lost});
   server->running_ = true;
   server->scheduler_->tick();

@@ -24,6 +24,7 @@ namespace varimesh::server {
 class Access;
 class AdminServer;
 class Endpoint;
+class LastGoodFiles;
 class Metrics;
 class PageTokens;
 class ProbeServer;
@@ -109,6 +110,7 @@ class Server {
   std::unique_ptr<Scheduler> scheduler_;
   std::unique_ptr<Access> access_;
   std::unique_ptr<PageTokens> pages_;
+  std::unique_ptr<LastGoodFiles> tls_;  ///< Null: the server does not encrypt.
   std::unique_ptr<Endpoint> endpoint_;
   std::unique_ptr<SelfCheck> self_check_;
   std::unique_ptr<AdminServer> admin_;

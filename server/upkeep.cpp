@@ -50,7 +50,7 @@ class Upkeep::Ticker {
 };
 
 Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
-               const TlsFiles& tls, Watchdog watchdog) {
+               LastGoodFiles* tls, Watchdog watchdog) {
   using std::chrono::milliseconds, std::chrono::seconds, std::chrono::minutes;
   streams_ = std::make_unique<Ticker>(milliseconds(250), [&endpoint] { endpoint.tick(); });
   jobs_ = std::make_unique<Ticker>(seconds(1), [&scheduler, &stores, &endpoint] {
@@ -72,8 +72,12 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
     else if (*fetched)
       spdlog::info("the keys of the issuer were fetched");
   });
-  certificates_ = std::make_unique<Ticker>(minutes(1), [&tls] {
-    if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
+  certificates_ = std::make_unique<Ticker>(seconds(1), [tls] {
+    const auto read = tls == nullptr ? Expected<bool>(false) : tls->refresh();
+    if (!read)
+      spdlog::error("{} The certificates stay as they were.", read.error().sentence);
+    else if (*read)
+      spdlog::info("the certificates were read again");
   });
   const auto now = [] { return std::chrono::steady_clock::now(); };
   dialling_ = std::make_unique<Ticker>(

@@ -11,7 +11,7 @@
 #include "server/scheduling/scheduler.h"
 #include "server/self_check.h"
 #include "server/state/stores.h"
-#include "server/tls/tls.h"
+#include "server/tls/last_good_files.h"
 
 namespace varimesh::server {
 
@@ -22,13 +22,14 @@ struct Watchdog {
 };
 
 /// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
-/// the server's health (every second), reads changed tokens and fetches an issuer's keys (every second), dials the
+/// the server's health, reads changed tokens and certificates, and fetches an issuer's keys (every second), dials the
 /// server (every 5 s), and deletes old meshes and compresses idle ones (every minute). Everything it is given must
 /// outlive it.
 class Upkeep {
  public:
+  /// `tls`: null for a server that does not encrypt.
   Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
-         const TlsFiles& tls, Watchdog watchdog);
+         LastGoodFiles* tls, Watchdog watchdog);
   ~Upkeep();
 
   /// Stops the threads that start jobs and compress meshes. The others run until this object is destroyed.

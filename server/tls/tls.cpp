@@ -69,8 +69,9 @@ Expected<void> check_key_is_private(const std::string& file) {
   return {};
 }
 
-Expected<void> check_time(const std::string& file) {
-  const Owned<BIO> opened(BIO_new_file(file.c_str(), "r"));
+/// `bytes`: the file that has the bytes of `file`.
+Expected<void> check_time(const std::string& file, const std::string& bytes) {
+  const Owned<BIO> opened(BIO_new_file(bytes.c_str(), "r"));
   const Owned<X509> certificate(opened == nullptr ? nullptr
                                                   : PEM_read_bio_X509(opened.get(), nullptr, no_password, nullptr));
   if (certificate == nullptr) return unusable("--tls-certificate", file, reason());
@@ -81,24 +82,25 @@ Expected<void> check_time(const std::string& file) {
 
 }  // namespace
 
-Expected<void> check_tls_files(const TlsFiles& files) {
+Expected<void> check_tls_files(const TlsFiles& files, const TlsFiles* copies) {
   if (!files.are_given()) return {};
   if (files.certificate.empty() || files.key.empty())
     return bad_option("TLS needs both --tls-certificate and --tls-key; 'varimesh certificates' makes files to try it.");
   if (auto checked = check_key_is_private(files.key); !checked) return checked;
   if (struct stat status{}; files.are_mutual())
     if (auto checked = check_nobody_else_writes("--tls-authority", files.authority, &status); !checked) return checked;
+  const TlsFiles& bytes = copies == nullptr ? files : *copies;
   const Owned<SSL_CTX> context(SSL_CTX_new(TLS_server_method()));
   if (context == nullptr) return unusable("--tls-certificate", files.certificate, reason());
   SSL_CTX_set_default_passwd_cb(context.get(), no_password);
-  if (SSL_CTX_use_certificate_chain_file(context.get(), files.certificate.c_str()) != 1)
+  if (SSL_CTX_use_certificate_chain_file(context.get(), bytes.certificate.c_str()) != 1)
     return unusable("--tls-certificate", files.certificate, reason());
-  if (SSL_CTX_use_PrivateKey_file(context.get(), files.key.c_str(), SSL_FILETYPE_PEM) != 1 ||
+  if (SSL_CTX_use_PrivateKey_file(context.get(), bytes.key.c_str(), SSL_FILETYPE_PEM) != 1 ||
       SSL_CTX_check_private_key(context.get()) != 1)
     return unusable("--tls-key", files.key, reason());
-  if (files.are_mutual() && SSL_CTX_load_verify_locations(context.get(), files.authority.c_str(), nullptr) != 1)
+  if (files.are_mutual() && SSL_CTX_load_verify_locations(context.get(), bytes.authority.c_str(), nullptr) != 1)
     return unusable("--tls-authority", files.authority, reason());
-  return check_time(files.certificate);
+  return check_time(files.certificate, bytes.certificate);
 }
 
 std::shared_ptr<grpc::ServerCredentials> server_credentials(const TlsFiles& files) {

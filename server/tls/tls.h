@@ -23,10 +23,12 @@ struct TlsFiles {
 };
 
 /// Checks that the files belong together and can be used now. Errors: BadOption, with the file and the reason.
-Expected<void> check_tls_files(const TlsFiles& files);
+/// `copies`: what has their bytes, if these are not the files themselves; who may write or read the files counts.
+Expected<void> check_tls_files(const TlsFiles& files, const TlsFiles* copies = nullptr);
 
 /// Returns credentials that read the files again when they change: new connections see the new certificates, open ones
-/// go on. TLS 1.2 is the least. Without files nothing is encrypted.
+/// go on. TLS 1.2 is the least. Without files nothing is encrypted. The files must be good whenever they are read
+/// (last_good_files.h).
 std::shared_ptr<grpc::ServerCredentials> server_credentials(const TlsFiles& files);
 
 /// Whether something at HOST:PORT begins to speak TLS within the patience. No certificate is checked or shown.

@@ -282,6 +282,31 @@ class Calling(WithCertificates):
         self.assertEqual(refused.exception.code, 403)
         self.assertIn("--tokens", refused.exception.read().decode())
 
+    def wait_for_line(self, server, pattern):
+        deadline = time.monotonic() + 30
+        while not any(re.search(pattern, line) for line in server.log):
+            self.assertLess(time.monotonic(), deadline, "".join(server.log))
+            time.sleep(0.05)
+
+    def test_a_file_that_is_broken_while_it_is_written_changes_nothing(self):
+        server = Server("--log-level", "info", "--threads", "1", "--watchdog-seconds", "6", *as_server(self.certificates))
+        self.addCleanup(lambda: server.process.poll() is None and server.stop())
+        ann = as_client(self.certificates, "ann")
+        for name in ("server.pem", "server-key.pem", "authority.pem"):
+            path = self.certificates / name
+            whole = path.read_bytes()
+            path.write_bytes(whole[:len(whole) // 2])
+            self.wait_for_line(server, f"{name}.*stay as they were")
+            time.sleep(4)  # gRPC looks every two seconds
+            if name != "authority.pem":  # which the client needs as well
+                self.assertEqual(self.jobs(*ann, address=server.address).returncode, 0, name)
+            path.write_bytes(whole)
+            self.wait_for_line(server, "certificates were read again")
+            server.log.clear()
+        time.sleep(8)  # longer than the watchdog waits
+        self.assertIsNone(server.process.poll(), "".join(server.log))
+        self.assertEqual(self.jobs(*ann, address=server.address).returncode, 0)
+
     def test_certificates_are_replaced_while_watches_run(self):
         ann = as_client(self.certificates, "ann")
         name = run("submit", LARGER, *ENDLESS, "--active-set", "off", "--server", self.server.address, *ann,
