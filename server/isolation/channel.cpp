@@ -68,7 +68,8 @@ bool Channel::is_closed() const {
   return ::poll(&socket, 1, 0) > 0 && (socket.revents & POLLHUP) != 0;
 }
 
-Channel::Got Channel::receive(google::protobuf::MessageLite& message, int milliseconds) {
+Channel::Got Channel::receive(google::protobuf::MessageLite& message, int milliseconds,
+                              const std::function<bool(std::string_view)>& accept) {
   while (true) {
     const std::size_t there = received_.size() - begin_;
     if (there >= kHead) {
@@ -76,7 +77,8 @@ Channel::Got Channel::receive(google::protobuf::MessageLite& message, int millis
       std::memcpy(&size, received_.data() + begin_, kHead);
       if (size > kMostFrameBytes) return Got::Breach;
       if (there >= kHead + size) {
-        const bool good = message.ParseFromArray(received_.data() + begin_ + kHead, static_cast<int>(size));
+        const char* const bytes = received_.data() + begin_ + kHead;
+        const bool good = (!accept || accept({bytes, size})) && message.ParseFromArray(bytes, static_cast<int>(size));
         begin_ += kHead + size;
         if (begin_ == received_.size()) received_.clear(), begin_ = 0;
         return good ? Got::Message : Got::Breach;

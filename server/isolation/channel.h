@@ -3,8 +3,10 @@
 
 #include <google/protobuf/message_lite.h>
 
+#include <functional>
 #include <mutex>
 #include <string>
+#include <string_view>
 
 namespace varimesh::server {
 
@@ -35,7 +37,9 @@ class Channel {
   bool is_closed() const;
   /// Receives the next message. One thread at a time.
   /// @param milliseconds how long it waits; negative: until something comes
-  Got receive(google::protobuf::MessageLite& message, int milliseconds);
+  /// @param accept looks at the bytes before they become a message; false: Breach. Empty: all are accepted.
+  Got receive(google::protobuf::MessageLite& message, int milliseconds,
+              const std::function<bool(std::string_view)>& accept = {});
   /// Returns the descriptor that came last and was not taken yet, which the caller closes; −1: none.
   int take_file();
   /// From now on send() returns false when the other side takes nothing for this long.

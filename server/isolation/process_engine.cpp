@@ -26,6 +26,7 @@
 #include "server/isolation/loan.h"
 #include "server/isolation/plain_texts.h"
 #include "server/isolation/reported_work.h"
+#include "server/isolation/said.h"
 #include "server/isolation/worker.pb.h"
 #include "server/isolation/worker_process.h"
 
@@ -41,16 +42,10 @@ constexpr int kMillisecondsBetweenLooks = 20;
 constexpr std::int64_t kSpareBytes = std::int64_t{512} << 20;
 /// Address space that a thread takes before it uses any: its stack, and the heap that the system's library reserves.
 constexpr std::int64_t kBytesPerThread = std::int64_t{144} << 20;
-/// How long a run may go on after its time limit, or after it was told to stop, without a word: large meshes take a
-/// while to be written.
-constexpr double kPatience = 60;
 /// How much longer it may take if there is a CAD file to read.
 constexpr double kSecondsForGeometry = 600;
 constexpr int kMostNotes = 100;
 constexpr int kMostHdf5Starts = 32;
-/// The library names at most a thousand elements of a kind.
-constexpr std::size_t kMostMetricsBytes = std::size_t{4} << 20;
-constexpr std::int64_t kMostHistoryBytes = std::int64_t{1} << 30;
 
 /// One run in a process.
 class Conversation {
@@ -62,7 +57,8 @@ class Conversation {
         hooks_(hooks),
         mesh_bytes_(static_cast<std::int64_t>(request_.input->bytes().size())),
         checkpoint_bytes_(static_cast<std::int64_t>(hooks.control.checkpoint.size())),
-        process_(workers.take()) {
+        process_(workers.take()),
+        said_(std::max(1, static_cast<int>(request_.outputs.size()))) {
     settings_.started(static_cast<int>(process_->id()));
   }
   ~Conversation() {
@@ -120,7 +116,8 @@ class Conversation {
 
   /// Wall time, in seconds.
   double most_seconds() const {
-    return 2 * request_.options.time_limit + kPatience + (request_.geometry ? kSecondsForGeometry : 0);
+    return 2 * request_.options.time_limit + static_cast<double>(said_.patience().count()) +
+           (request_.geometry ? kSecondsForGeometry : 0);
   }
 
   /// A process that has ended hears nothing, but what it said before counts: the outcome may be among that.
@@ -143,7 +140,7 @@ class Conversation {
   void steer() {
     worker::ToWorker message;
     *message.mutable_steering() = steering();
-    if (message.steering().stop() && !stopping_since_) stopping_since_ = heard_ = steady_clock::now();
+    if (message.steering().stop() && !stopping_since_) said_.hear(*(stopping_since_ = steady_clock::now()));
     std::string told = message.steering().SerializeAsString();
     if (std::exchange(told_, std::move(told)) != message.steering().SerializeAsString()) send(message);
   }
@@ -151,13 +148,11 @@ class Conversation {
   /// Ends a process that takes longer than the library ever does.
   void check_time() const {
     const steady_clock::time_point now = steady_clock::now();
-    const bool is_silent = now - heard_ > Seconds(kPatience / 2);
-    if (!is_silent) return;
     if (request_.options.time_limit > 0 && Seconds(now - began_).count() > most_seconds())
       throw ProcessLost{"did not end within " + std::to_string(static_cast<std::int64_t>(most_seconds())) +
                         " s, with a time limit of " +
                         std::to_string(static_cast<std::int64_t>(request_.options.time_limit)) + " s"};
-    if (stopping_since_ && now - *stopping_since_ > Seconds(kPatience))
+    if (stopping_since_ && now - *stopping_since_ > (said_.is_silent(now) ? kPatience : said_.patience()))
       throw ProcessLost{"did not stop when it was told to"};
   }
 
@@ -167,8 +162,10 @@ class Conversation {
     while (true) {
       steer();
       check_time();
-      switch (process_->channel().receive(message_, kMillisecondsBetweenLooks)) {
+      const auto has_few_parts = [](std::string_view bytes) { return parts_of(bytes).has_value(); };
+      switch (process_->channel().receive(message_, kMillisecondsBetweenLooks, has_few_parts)) {
         case Channel::Got::Message:
+          said_.check(message_);
           return message_;
         case Channel::Got::Nothing:
           break;
@@ -210,18 +207,14 @@ class Conversation {
       case worker::FromWorker::kSpareBack:
         return loan_.take_back(hooks_.control.spare_memory, message.spare_back());
       case worker::FromWorker::kOutput:
-        heard_ = steady_clock::now();
         output_ = hooks_.open_output(message.output());
         return;
       case worker::FromWorker::kOutputPiece:
-        heard_ = steady_clock::now();
         if (!full_ && (output_ == nullptr || !output_(message.output_piece()))) full_ = true;
         return;
       case worker::FromWorker::kHdf5:
         return start_hdf5(message.hdf5());
       case worker::FromWorker::kHistory:
-        history_bytes_ += static_cast<std::int64_t>(message.history().ByteSizeLong());
-        if (history_bytes_ > kMostHistoryBytes) throw ProcessLost{"sent a history that is too long"};
         history_.MergeFrom(message.history());
         return;
       case worker::FromWorker::kFailure:
@@ -246,7 +239,6 @@ class Conversation {
   }
 
   void end(const worker::Ended& ended) {
-    if (ended.metrics().ByteSizeLong() > kMostMetricsBytes) throw ProcessLost{"sent a report that is too long"};
     RunOutcome outcome;
     outcome.stopped = ended.stopped();
     outcome.metrics = ended.metrics();
@@ -292,15 +284,18 @@ class Conversation {
 
   void admit_reading(std::int64_t least, std::int64_t most) {
     const Expected<bool> admitted = hooks_.admit_reading ? hooks_.admit_reading(least, most) : Expected<bool>(true);
-    process_->limit_memory(address_space_for(most));
+    if (admitted && *admitted) process_->limit_memory(address_space_for(most));
     begin();
     answer(admitted);
   }
 
   void admit(std::int64_t bytes) {
     const Expected<bool> admitted = hooks_.admit ? hooks_.admit(bytes) : Expected<bool>(true);
-    // The need is an estimate, which can be too low by a twentieth, and memory is lost between the pieces in use.
-    loan_.begin(*process_, address_space_for(2 * std::clamp<std::int64_t>(bytes, 0, std::int64_t{1} << 60)));
+    if (admitted && *admitted) {
+      // The need is an estimate, which can be too low by a twentieth, and memory is lost between the pieces in use.
+      loan_.begin(*process_, address_space_for(2 * bytes));
+      said_.admit(bytes);
+    }
     begin();
     answer(admitted);
   }
@@ -312,7 +307,7 @@ class Conversation {
   }
 
   /// The time that a run waits for memory is not its own.
-  void begin() { began_ = heard_ = steady_clock::now(); }
+  void begin() { said_.hear(began_ = steady_clock::now()); }
 
   void save_checkpoint(const Iteration& iteration) {
     bool ended = false;
@@ -351,6 +346,7 @@ class Conversation {
   const RunHooks& hooks_;
   const std::int64_t mesh_bytes_, checkpoint_bytes_;
   std::unique_ptr<WorkerProcess> process_;
+  Said said_;
   worker::FromWorker message_;
   std::int64_t address_space_ = 0;  ///< Of the process before it reads the mesh, in bytes, with the mesh.
   Loan loan_;
@@ -359,10 +355,8 @@ class Conversation {
   bool full_ = false;
   int notes_ = 0;
   v1::History history_;
-  std::int64_t history_bytes_ = 0;
   std::vector<pid_t> hdf5_;
   steady_clock::time_point began_ = steady_clock::now();  ///< Since when the run has its memory.
-  steady_clock::time_point heard_ = began_;               ///< The last sign that it ends.
   std::optional<steady_clock::time_point> stopping_since_;
   std::optional<Expected<RunOutcome>> outcome_;
 };
