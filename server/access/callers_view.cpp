@@ -1,7 +1,6 @@
 // Looks at the owner of everything before it is used.
 #include "server/access/callers_view.h"
 
-#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -125,28 +124,10 @@ Answer<void> CallersView::try_remove_mesh(const std::string& digest) const {
   if (caller_.sees_all()) return meshes_->remove(digest, "");
   if (!may_use(digest)) return mesh_not_found(digest);
   // The store counts the jobs of all owners, and the answer must not tell whether there are others.
-  const auto used = refers_to(digest);
+  const auto used = scheduler_->has_job_with(caller_.owner, digest);
   if (!used) return tl::unexpected(used.error());
   if (*used) return mesh_in_use(digest);
   return meshes_->remove(digest, caller_.owner);
-}
-
-Answer<bool> CallersView::refers_to(const std::string& digest) const {
-  JobFilter filter;
-  filter.owner = caller_.owner;
-  std::string token;
-  do {
-    const auto page = scheduler_->list(filter, 1000, token);
-    if (!page) return tl::unexpected(page.error());
-    for (const v1::Job& job : page->jobs) {
-      const auto is_result = [&](const v1::StoredMesh& result) { return result.digest() == digest; };
-      const std::vector<std::string> inputs = inputs_of(job.spec());
-      if (std::ranges::find(inputs, digest) != inputs.end() || std::ranges::any_of(job.results(), is_result))
-        return true;
-    }
-    token = page->next_page_token;
-  } while (!token.empty());
-  return false;
 }
 
 }  // namespace varimesh::server

@@ -43,6 +43,8 @@ class CallersView {
   Answer<void> remove_mesh(const std::string& digest) const;
   /// Notes that the caller has sent all bytes of a mesh, which is referred to.
   void grant(const std::string& digest) const { meshes_->grant(digest, caller_.owner); }
+  /// Takes that back if no job of the caller has the mesh.
+  void settle(const std::string& digest) const { scheduler_->settle(caller_.owner, digest); }
 
  private:
   /// The fields of a line of the log about what this caller does with a job.
@@ -56,8 +58,6 @@ class CallersView {
   bool may_use(const std::string& digest) const {
     return caller_.sees_all() || meshes_->belongs_to(digest, caller_.owner);
   }
-  /// Whether a job of the caller refers to the mesh.
-  Answer<bool> refers_to(const std::string& digest) const;
 
   Scheduler* scheduler_;
   MeshStore* meshes_;

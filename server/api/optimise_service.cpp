@@ -157,6 +157,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
       view_->grant(stored->digest);
     const auto job = view_->submit(spec_->request_id(), spec, false);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
+    if (!job) view_->settle(stored->digest);
     if (!job) return status(job.error());
     auto log = view_->events(job->name());
     if (!log) return status(log.error());

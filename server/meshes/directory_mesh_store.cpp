@@ -219,6 +219,8 @@ std::optional<std::int64_t> DirectoryMeshStore::pin_and_measure(const std::strin
   const auto entry = use(digest);
   if (entry == entries_.end() || !belongs(*entry, owner)) return std::nullopt;
   entry->second.pinned = true;
+  // It stays the owner's without a job, as an upload does.
+  if (!owner.empty()) entry->second.owners.insert(mark_of(digest, owner));
   return entry->second.size;
 }
 

@@ -66,6 +66,7 @@ class DirectoryMeshStore : public MeshStore {
   bool touch(const std::string& digest) override;
   Answer<void> remove(const std::string& digest, const std::string& owner = {}) override;
   void grant(const std::string& digest, const std::string& owner) override;
+  void revoke(const std::string& digest, const std::string& owner) override;
   bool belongs_to(const std::string& digest, const std::string& owner) override;
   Answer<void> check_share(const std::string& owner, std::int64_t more) override;
   std::unique_ptr<KeptShare> keep_share(const std::string& owner) override;
@@ -86,10 +87,11 @@ class DirectoryMeshStore : public MeshStore {
     bool pinned = false;
     std::chrono::steady_clock::time_point touched;  ///< Time of the last use.
     Form form = Form::Plain;
-    std::int64_t writing = 0;      ///< Which of all files that were stored this is.
-    bool lost = false;             ///< Its file was missing or damaged. Jobs refer to the entry.
-    bool stays_plain = false;      ///< Compression does not make it smaller, or it cannot be read.
-    std::set<std::string> owners;  ///< Marks of the owners: see mark_of().
+    std::int64_t writing = 0;       ///< Which of all files that were stored this is.
+    bool lost = false;              ///< Its file was missing or damaged. Jobs refer to the entry.
+    bool stays_plain = false;       ///< Compression does not make it smaller, or it cannot be read.
+    std::set<std::string> owners;   ///< Marks (mark_of()) of those who have uploaded it.
+    std::set<std::string> by_jobs;  ///< Marks of those who have it through their jobs.
   };
   using Entries = std::map<std::string, Entry>;
 

@@ -24,7 +24,9 @@ constexpr std::chrono::seconds kShareLifetime{1};
 }  // namespace
 
 bool DirectoryMeshStore::belongs(const Entries::value_type& entry, const std::string& owner) {
-  return owner.empty() || entry.second.owners.contains(mark_of(entry.first, owner));
+  if (owner.empty()) return true;
+  const std::string mark = mark_of(entry.first, owner);
+  return entry.second.owners.contains(mark) || entry.second.by_jobs.contains(mark);
 }
 
 bool DirectoryMeshStore::belongs_to(const std::string& digest, const std::string& owner) {
@@ -41,13 +43,22 @@ void DirectoryMeshStore::grant(const std::string& digest, const std::string& own
 void DirectoryMeshStore::grant_locked(const std::string& digest, const std::string& owner) {
   const auto entry = entries_.find(digest);
   if (owner.empty() || entry == entries_.end()) return;
-  if (entry->second.owners.insert(mark_of(digest, owner)).second) add_to_share(owner, entry->second.size);
+  const bool has_it = belongs(*entry, owner);
+  entry->second.by_jobs.insert(mark_of(digest, owner));
+  if (!has_it) add_to_share(owner, entry->second.size);
+}
+
+void DirectoryMeshStore::revoke(const std::string& digest, const std::string& owner) {
+  std::lock_guard lock(mutex_);
+  if (const auto entry = entries_.find(digest); entry != entries_.end())
+    entry->second.by_jobs.erase(mark_of(digest, owner));
 }
 
 std::int64_t DirectoryMeshStore::count_share(const std::string& owner) const {
   std::int64_t bytes = 0;
   for (const auto& entry : entries_)
-    if (!entry.second.owners.empty() && belongs(entry, owner)) bytes += entry.second.size;
+    if (!(entry.second.owners.empty() && entry.second.by_jobs.empty()) && belongs(entry, owner))
+      bytes += entry.second.size;
   for (const auto& [key, upload] : uploads_)
     if (key.first == owner) bytes += upload->size;
   return bytes;
@@ -134,8 +145,9 @@ Answer<void> DirectoryMeshStore::remove(const std::string& digest, const std::st
   const auto entry = find_stored(digest);
   if (entry == entries_.end() || !belongs(*entry, owner)) return mesh_not_found(digest);
   if (owner.empty() && entry->second.references > 0) return mesh_in_use(digest);
-  entry->second.owners.erase(mark_of(digest, owner));
-  if (owner.empty() || (entry->second.references == 0 && entry->second.owners.empty())) {
+  Entry& mesh = entry->second;
+  for (std::set<std::string>* marks : {&mesh.owners, &mesh.by_jobs}) marks->erase(mark_of(digest, owner));
+  if (owner.empty() || (mesh.references == 0 && mesh.owners.empty() && mesh.by_jobs.empty())) {
     drop(entry);
     return {};
   }

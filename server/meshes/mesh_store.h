@@ -143,6 +143,9 @@ class MeshStore {
   /// Notes that a mesh belongs to an owner too. Does nothing if the mesh is not in the store. It is forgotten with the
   /// process: uploads are noted for good, and who has a result is known from the jobs.
   virtual void grant(const std::string& digest, const std::string& owner) = 0;
+  /// The opposite of grant(): no job of the owner has the mesh any more. What the owner has uploaded, or was told to be
+  /// in the store, still belongs to the owner. Does nothing in a store that servers share, where all marks are alike.
+  virtual void revoke(const std::string& /*digest*/, const std::string& /*owner*/) {}
   /// Whether the mesh is in the store and belongs to the owner. All meshes belong to the owner "".
   virtual bool belongs_to(const std::string& digest, const std::string& owner) = 0;
   /// RESOURCE_EXHAUSTED (OWNER_FULL) if the meshes and results of an owner would have more bytes than one owner may

@@ -12,7 +12,7 @@ Answer<void> Scheduler::recover() {
     if (!references) return tl::unexpected(references.error());
     for (const Reference& reference : *references) {
       meshes_->retain(reference.digest);
-      meshes_->grant(reference.digest, reference.owner);
+      owned_.add(reference.owner, {reference.digest});
     }
   }
   take_back(settings_.worker);

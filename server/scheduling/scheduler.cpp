@@ -20,7 +20,8 @@ Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, Scheduler
       settings_(std::move(settings)),
       memory_(settings_.memory),
       submissions_(settings_.max_submissions, settings_.steady),
-      logs_(jobs) {}
+      logs_(jobs),
+      owned_(*meshes) {}
 
 Scheduler::~Scheduler() {
   jobs_->listen({});
@@ -50,10 +51,15 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   // reference is counted first, since the job may be run and deleted before submit() returns.
   const std::vector<std::string> inputs = inputs_of(spec);
   for (const std::string& digest : inputs) meshes_->retain(digest);
+  if (meshes_->counts_references()) owned_.add(submitter.owner, inputs);
+  const auto take_back = [&] {
+    release(inputs);
+    owned_.remove(submitter.owner, inputs);
+  };
   // A mesh that was deleted after check() has found it was not retained.
   for (const std::string& digest : inputs) {
     if (meshes_->touch(digest)) continue;
-    release(inputs);
+    take_back();
     submissions_.give_back(submitter.peer);
     return mesh_missing(digest);
   }
@@ -62,7 +68,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   const bool is_new = submitted && !submitted->events.empty();
   // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
   const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
-  if (!is_new && !is_unknown) release(inputs);
+  if (!is_new && !is_unknown) take_back();
   if (!is_new) submissions_.give_back(submitter.peer);  // a repeated call makes no job
   if (!submitted) return tl::unexpected(submitted.error());
   if (!is_new) return get(submitted->job.name());
@@ -142,6 +148,24 @@ Answer<v1::History> Scheduler::history(const std::string& name) {
   return history;
 }
 
+Answer<bool> Scheduler::has_job_with(const std::string& owner, const std::string& digest) {
+  if (!jobs_->shared()) return owned_.has(owner, digest);
+  JobFilter filter;
+  filter.owner = owner;
+  std::string token;
+  do {
+    const auto page = list(filter, 1000, token);
+    if (!page) return tl::unexpected(page.error());
+    for (const v1::Job& job : page->jobs) {
+      const auto is_it = [&](const v1::StoredMesh& result) { return result.digest() == digest; };
+      if (std::ranges::count(inputs_of(job.spec()), digest) > 0 || std::ranges::any_of(job.results(), is_it))
+        return true;
+    }
+    token = page->next_page_token;
+  } while (!token.empty());
+  return false;
+}
+
 // ===== changes and their events =====
 
 Answer<Changed> Scheduler::change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change) {
@@ -156,6 +180,7 @@ void Scheduler::release(const std::vector<std::string>& digests) {
 
 void Scheduler::forget(const Changed& removed) {
   release(removed.released);
+  owned_.remove(removed.job.owner(), removed.released);
   logs_.forget(removed.job.name());
 }
 
@@ -241,13 +266,16 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
   settings_.log(claim.name, v1::JobState_Name(ending.state) +
                                 (ending.error ? ": " + ending.error->message() : std::string()) +
                                 (ending.lost.empty() ? "" : ": the process that ran it " + ending.lost));
+  std::vector<std::string> results;
+  for (const v1::StoredMesh& result : ending.results) results.push_back(result.digest());
+  owned_.add(claim.owner, results);
   while (!finish(*running, ending)) {
     // The disk is full, so the result waits for room. If the server stops, the next server runs the job again.
     {
       std::unique_lock lock(mutex_);
       if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
     }
-    if (give_back(*running)) release(ending);
+    if (give_back(*running)) release(*running, ending);
     break;
   }
   start_jobs();
@@ -276,7 +304,6 @@ void Scheduler::erase(const Running& running) {
 
 bool Scheduler::finish(const Running& running, const Ending& ending) {
   const std::string& name = running.claim.name;
-  for (const v1::StoredMesh& result : ending.results) meshes_->grant(result.digest(), running.claim.owner);
   const auto finished = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
   if (!finished) {
     const Failure::Code code = finished.error().code;
@@ -285,7 +312,7 @@ bool Scheduler::finish(const Running& running, const Ending& ending) {
     settings_.log(name, "cannot be finished: " + finished.error().sentence);
     if (!lost) return false;
     // Another worker has the job now, or its record is gone or damaged. The results of this attempt are deleted.
-    release(ending);
+    release(running, ending);
   } else {
     note_end(finished->job);
   }
@@ -306,8 +333,11 @@ void Scheduler::forget_old() {
   if (settings_.max_ended_age.count() > 0) forget_beyond(0, now - settings_.max_ended_age);
 }
 
-void Scheduler::release(const Ending& ending) {
-  for (const v1::StoredMesh& result : ending.results) meshes_->release(result.digest());
+void Scheduler::release(const Running& running, const Ending& ending) {
+  for (const v1::StoredMesh& result : ending.results) {
+    meshes_->release(result.digest());
+    owned_.remove(running.claim.owner, {result.digest()});
+  }
   if (!ending.history_digest.empty()) meshes_->release(ending.history_digest);
 }
 

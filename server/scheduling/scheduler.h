@@ -16,6 +16,7 @@
 #include "server/resources/rate.h"
 #include "server/resources/thread_shares.h"
 #include "server/scheduling/job_logs.h"
+#include "server/scheduling/owned_meshes.h"
 #include "server/tracing/spans.h"
 
 namespace varimesh::server {
@@ -89,6 +90,11 @@ class Scheduler {
   /// Returns all iterations of a job that has SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 
+  /// The owner was granted a mesh, and no job came of it.
+  void settle(const std::string& owner, const std::string& digest) { owned_.settle(owner, digest); }
+  /// Whether a job of the owner has the mesh as an input or a result.
+  Answer<bool> has_job_with(const std::string& owner, const std::string& digest);
+
   /// Whether jobs may have a geometry here.
   bool takes_geometries() const;
 
@@ -132,7 +138,7 @@ class Scheduler {
   void erase(const Running& running);
   /// Records the end of an attempt. Returns false if the store cannot do so now.
   bool finish(const Running& running, const Ending& ending);
-  void release(const Ending& ending);
+  void release(const Running& running, const Ending& ending);
   /// Deletes the jobs that ended too long ago.
   void forget_old();
   // leases.cpp:
@@ -149,6 +155,7 @@ class Scheduler {
   MemoryBudget memory_;
   Rate submissions_;
   JobLogs logs_;
+  OwnedMeshes owned_;
   std::mutex mutex_;  ///< Never held while a store works.
   std::condition_variable ended_;
   std::map<std::string, std::shared_ptr<Running>> running_;

@@ -125,6 +125,23 @@ class Owners : public ::testing::Test {
     while (reader->Read(&response)) *bytes += response.chunk().data();
     return reader->Finish();
   }
+  /// Sends a mesh and submits its job in one call, and waits for its end.
+  grpc::Status optimise_mesh(const std::string& token, const std::string& bytes, v1::Job* job) {
+    const auto stub = v1::OptimiseService::NewStub(service_->channel);
+    grpc::ClientContext context;
+    context.AddMetadata("authorization", "Bearer " + token);
+    const auto stream = stub->Optimise(&context);
+    v1::OptimiseRequest request;
+    request.mutable_spec()->set_size(static_cast<std::int64_t>(bytes.size()));
+    stream->Write(request);
+    request.mutable_chunk()->set_data(bytes);
+    stream->Write(request);
+    stream->WritesDone();
+    v1::OptimiseResponse response;
+    while (stream->Read(&response))
+      if (response.has_accepted()) *job = response.accepted();
+    return stream->Finish();
+  }
   grpc::Status watch(const std::string& token, const std::string& name) {
     grpc::ClientContext context;
     context.AddMetadata("authorization", "Bearer " + token);

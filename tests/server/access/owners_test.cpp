@@ -98,6 +98,49 @@ TEST_F(Owners, ResultsBelongToTheOwnerOfTheJob) {
   EXPECT_TRUE(get(kAnn, job.name(), &again).ok());
 }
 
+TEST_F(Owners, DoNotLearnFromADeletedJobThatOthersHaveItsResult) {
+  gate_.open();
+  // Results with the same bytes: one that Bob has too, and one that is only Ann's.
+  const auto answers = [&](bool bob_has_it, bool restarts) {
+    const std::string bytes = "mesh " + std::to_string(bob_has_it) + std::to_string(restarts), digest = sha256(bytes);
+    std::vector<std::string> jobs;
+    v1::Job job;
+    for (const char* token : {kAnn, kBob}) {
+      if (token == std::string(kBob) && !bob_has_it) continue;
+      EXPECT_TRUE(optimise_mesh(token, bytes, &job).ok());
+      EXPECT_TRUE(watch(token, job.name()).ok());
+      jobs.push_back(job.name());
+    }
+    if (restarts) start();
+    std::string got;
+    EXPECT_TRUE(download(kAnn, digest, &got).ok());
+    EXPECT_EQ(info_of(remove_mesh(kAnn, digest)).reason(), "MESH_IN_USE");
+    EXPECT_TRUE(remove(kAnn, jobs[0]).ok());
+    std::string told = shape(download(kAnn, digest, &got), digest) + query(kAnn, "", digest) +
+                       shape(remove_mesh(kAnn, digest), digest) + shape(submit(kAnn, digest, &job), digest);
+    if (bob_has_it) {
+      EXPECT_TRUE(download(kBob, digest, &got).ok());
+    }
+    return told;
+  };
+  for (const bool restarts : {false, true}) EXPECT_EQ(answers(true, restarts), answers(false, restarts));
+}
+
+TEST_F(Owners, KeepAResultAsLongAsOneOfTheirJobsHasIt) {
+  gate_.open();
+  v1::Job first, second;
+  ASSERT_TRUE(optimise_mesh(kAnn, "a mesh", &first).ok());
+  EXPECT_TRUE(watch(kAnn, first.name()).ok());
+  ASSERT_TRUE(submit(kAnn, sha256("a mesh"), &second).ok());
+  EXPECT_TRUE(watch(kAnn, second.name()).ok());
+  std::string got;
+  ASSERT_TRUE(remove(kAnn, first.name()).ok());
+  EXPECT_TRUE(download(kAnn, sha256("a mesh"), &got).ok());
+  EXPECT_EQ(query(kAnn, "", sha256("a mesh")), "complete");
+  ASSERT_TRUE(remove(kAnn, second.name()).ok());
+  EXPECT_EQ(query(kAnn, "", sha256("a mesh")), "complete") << "she was told that it is there";
+}
+
 TEST_F(Owners, KeepTheirUploadsWhenTheServerStartsAgain) {
   upload(kAnn, "ann's mesh");
   upload(kBob, "everybody's mesh");

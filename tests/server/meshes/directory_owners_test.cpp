@@ -95,6 +95,22 @@ TEST_F(DirectoryOwners, GiveUpAMeshOneByOne) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_)) << "the file of the owners is gone too";
 }
 
+TEST_F(DirectoryOwners, HaveAResultOnlyThroughTheirJobs) {
+  const auto result = write(*store_, "result");
+  store_->grant(result.digest, "ann");
+  store_->grant(result.digest, "bob");
+  store_->revoke(result.digest, "ann");
+  EXPECT_FALSE(store_->belongs_to(result.digest, "ann"));
+  EXPECT_TRUE(store_->belongs_to(result.digest, "bob"));
+  upload("result", "ann");
+  store_->grant(result.digest, "ann");
+  store_->revoke(result.digest, "ann");
+  EXPECT_TRUE(store_->belongs_to(result.digest, "ann")) << "what she has sent is hers";
+  EXPECT_TRUE(store_->query_upload("", result.digest, "bob")->complete);
+  store_->revoke(result.digest, "bob");
+  EXPECT_TRUE(store_->belongs_to(result.digest, "bob")) << "he was told that he need not send it";
+}
+
 TEST_F(DirectoryOwners, AreNobodyAfterAFlippedBit) {
   upload("mesh", "ann");
   const auto path = folder_ / (sha256("mesh") + ".owners");
