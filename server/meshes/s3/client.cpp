@@ -263,23 +263,15 @@ Answer<void> S3Client::remove(const std::string& key, S3Patience patience) {
 }
 
 Answer<std::vector<S3Object>> S3Client::list(const std::string& beginning, S3Patience patience) {
-  std::vector<S3Object> all;
-  std::string next;
-  do {
+  return all_pages([&](const std::string& next) -> Answer<S3Page> {
     const std::string from = next.empty() ? "" : "continuation-token=" + percent_encoded(next) + "&";
     const Request request{.method = "GET",
                           .query = from + "list-type=2&prefix=" + percent_encoded(key_of(beginning)),
                           .end = "</ListBucketResult>"};
     const auto done = send(request, patience);
     if (!done) return tl::unexpected(done.error());
-    S3Page page = parse_page(done->body, settings_.address.prefix);
-    // Otherwise a server that says the same again would fill the memory.
-    if (!page.next.empty() && page.next == next)
-      return internal_failure("The S3 server of the meshes repeats a page of a list.");
-    std::ranges::move(page.objects, std::back_inserter(all));
-    next = std::move(page.next);
-  } while (!next.empty());
-  return all;
+    return parse_page(done->body, settings_.address.prefix);
+  });
 }
 
 }  // namespace varimesh::server

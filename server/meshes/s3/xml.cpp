@@ -2,10 +2,15 @@
 // elements.
 #include "server/meshes/s3/xml.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <ctime>
+#include <iterator>
+#include <set>
 #include <utility>
+
+#include "server/refusals.h"
 
 namespace varimesh::server {
 namespace {
@@ -56,6 +61,21 @@ S3Page parse_page(std::string_view xml, std::string_view prefix) {
     page.objects.push_back(std::move(object));
   }
   return page;
+}
+
+Answer<std::vector<S3Object>> all_pages(const std::function<Answer<S3Page>(const std::string& next)>& fetch) {
+  std::vector<S3Object> all;
+  std::set<std::string> seen;
+  std::string next;
+  do {
+    auto page = fetch(next);
+    if (!page) return tl::unexpected(page.error());
+    if (!page->next.empty() && !seen.insert(page->next).second)
+      return internal_failure("The S3 server of the meshes repeats a page of a list.");
+    std::ranges::move(page->objects, std::back_inserter(all));
+    next = std::move(page->next);
+  } while (!next.empty());
+  return all;
 }
 
 std::int64_t parse_time(const std::string& text) {

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "server/failure.h"
 
 namespace varimesh::server {
 
@@ -28,6 +31,11 @@ std::string text_of(std::string_view xml, std::string_view name);
 
 /// Reads an answer of ListObjectsV2. `prefix` is removed from the keys.
 S3Page parse_page(std::string_view xml, std::string_view prefix);
+
+/// Collects a list of several pages. Errors: those of `fetch`; INTERNAL for a server that sends a page again, whose
+/// list would fill the memory.
+/// @param fetch  returns the page that begins there; empty: the first one
+Answer<std::vector<S3Object>> all_pages(const std::function<Answer<S3Page>(const std::string& next)>& fetch);
 
 /// Reads a time as "2026-02-03T04:05:06.789Z". 0 if it is none.
 std::int64_t parse_time(const std::string& text);

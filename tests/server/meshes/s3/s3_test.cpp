@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "server/meshes/s3/bucket.h"
+#include "server/meshes/s3/xml.h"
 #include "tests/server/meshes/s3/buckets.h"
 #include "tests/server/meshes/s3/fault_proxy.h"
 
@@ -230,6 +231,27 @@ TEST_F(MeshesInABucket, AreListedInPages) {
 }
 
 // ===== the address =====
+
+TEST(BucketList, EndsIfTheServerRepeatsItself) {
+  for (const std::size_t period : {1U, 2U, 3U}) {
+    std::size_t pages = 0;
+    const auto list = all_pages([&](const std::string&) -> Answer<S3Page> {
+      EXPECT_LT(++pages, 100u);
+      return S3Page{std::vector<S3Object>(1000), "page " + std::to_string(pages % period)};
+    });
+    ASSERT_FALSE(list);
+    EXPECT_NE(list.error().sentence.find("repeats a page"), std::string::npos) << list.error().sentence;
+    EXPECT_LE(pages, period + 1);
+  }
+  int page = 0;
+  const auto whole = all_pages([&](const std::string& next) -> Answer<S3Page> {
+    EXPECT_EQ(next, page == 0 ? "" : "page " + std::to_string(page));
+    ++page;
+    return S3Page{std::vector<S3Object>(1), page < 3 ? "page " + std::to_string(page) : ""};
+  });
+  ASSERT_TRUE(whole);
+  EXPECT_EQ(whole->size(), 3u);
+}
 
 TEST(BucketAddress, IsRead) {
   const auto plain = parse_s3_address("s3://meshes");
