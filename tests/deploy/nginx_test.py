@@ -16,6 +16,11 @@ import time
 import unittest
 from pathlib import Path
 
+try:
+    import grpc
+except ImportError:
+    grpc = None
+
 from programs import MESH, Server, WithFolder, run
 
 CONFIGURATION = os.environ["VARIMESH_SOURCE_DIR"] + "/deploy/nginx.conf"
@@ -121,6 +126,21 @@ class Nginx(WithFolder):
         self.assertEqual((self.folder / "out.msh").read_bytes(), (self.folder / "local.msh").read_bytes())
         self.assertIn("asks who calls", self.call("jobs").stderr)
 
+    def test_a_client_watches_as_many_jobs_as_the_page_says(self):
+        server = Server("--log-level", "off", listen=f"unix:{self.folder}/socket")
+        self.addCleanup(server.stop)
+        self.serve(self.configuration())
+        authority = grpc.ssl_channel_credentials((self.folder / "authority.pem").read_bytes())
+        with grpc.secure_channel(f"localhost:{self.port}", authority) as channel:
+            grpc.channel_ready_future(channel).result(timeout=20)
+            # Those of the health, since they need no jobs.
+            watch = channel.unary_stream("/grpc.health.v1.Health/Watch", request_serializer=bytes, response_deserializer=bytes)
+            watches = [watch(b"", timeout=40) for _ in range(250)]
+            for number, one in enumerate(watches):
+                self.assertEqual(next(one), b"\x08\x01", f"watch {number}: SERVING")
+            for one in watches:
+                one.cancel()
+
     def flood(self, frames, until):
         """Sends the frames, on new connections as often as nginx ends one. The processor that it takes is the attacker's,
         so it leaves this machine's to the others."""
@@ -216,7 +236,7 @@ class ComposeNginx(WithFolder):
 
 
 if __name__ == "__main__":
-    if NGINX is None:
-        print("SKIPPED: nginx is missing (deploy/setup test)")
+    if NGINX is None or grpc is None:
+        print("SKIPPED: nginx or grpc for Python is missing (deploy/setup test)")
         sys.exit(77)
     unittest.main(verbosity=2)
