@@ -58,6 +58,25 @@ class Compose(unittest.TestCase):
         self.assertIn("path: /etc/varimesh}", provisioned, "where the page is mounted")
         self.assertIn("health,", text, "containers are asked how they are")
 
+    def test_only_what_has_a_port_reaches_the_outside(self):
+        done = self.config(POSTGRES_PASSWORD="secret")
+        networks = yaml.safe_load(done.stdout)["networks"]
+        self.assertEqual({name for name, network in networks.items() if network.get("internal")}, {"servers"})
+        for name, service in yaml.safe_load(done.stdout)["services"].items():
+            with self.subTest(name):
+                if name == "meshes":
+                    self.assertEqual(service["network_mode"], "none")
+                else:
+                    self.assertEqual("outside" in service["networks"], "ports" in service)
+                for port in service.get("ports", []):
+                    self.assertIn("127.0.0.1", str(port))
+
+    def test_every_image_may_be_given_with_its_digest(self):
+        digest = "@sha256:" + "a" * 64
+        images = {f"{name}_IMAGE": name.lower() + digest for name in ("VARIMESH", "POSTGRES", "NGINX", "PROMETHEUS", "GRAFANA")}
+        services = yaml.safe_load(self.config(POSTGRES_PASSWORD="secret", **images).stdout)["services"]
+        self.assertEqual({service["image"] for service in services.values()}, set(images.values()))
+
     def test_needs_a_password(self):
         environment = {key: value for key, value in os.environ.items() if key != "POSTGRES_PASSWORD"}
         done = subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "config"], capture_output=True, text=True,
@@ -83,6 +102,10 @@ class Kubernetes(unittest.TestCase):
                 used = set(re.findall(r"^ +- (--[a-z-]+)$", part, re.MULTILINE))
                 self.assertIn("--role", used)
                 self.assertLessEqual(used, flags_of_varimeshd())
+            (policy,) = (part for part in parts if re.search("^  name: varimesh$", part, re.MULTILINE) and "NetworkPolicy" in part)
+            self.assertIn("- Egress", policy)
+            self.assertEqual(re.findall(r"port: (\d+)", policy), ["53", "53", "5432", "443"], "what all servers may reach")
+            self.assertIn("?sslmode=require", done.stdout)
             worker = next(part for part in deployments if "name: varimesh-worker" in part)
             replicas = re.search(r"^  replicas: (\d+)$", worker, re.MULTILINE)
             self.assertEqual(replicas and replicas[1], workers)
@@ -135,10 +158,19 @@ class Helm(unittest.TestCase):
         self.assertEqual(flags[-2:], ["--traces", "http://collector:4318"])
         self.assertLessEqual({flag for flag in flags if flag.startswith("--")}, flags_of_varimeshd())
 
+    def test_a_digest_goes_before_the_tag(self):
+        digest = "sha256:" + "a" * 64
+        chart = self.render("--set", f"image.digest={digest}", "--set", "network.ports={5432}")
+        for name in ("varimesh-frontend", "varimesh-worker"):
+            (container,) = chart["Deployment", name]["spec"]["template"]["spec"]["containers"]
+            self.assertEqual(container["image"], f"varimesh@{digest}")
+        (egress,) = chart["NetworkPolicy", "varimesh"]["spec"]["egress"]
+        self.assertEqual([port["port"] for port in egress["ports"]], [53, 53, 5432])
+
     def test_wrong_values_are_refused(self):
         for value, words in (("worker.replica=3", "replica"), ("worker.threads=many", "threads"), ("scaling.by=chance", "scaling.by"),
                              ("database.url=postgresql://farm:secret@db/x", "database.url"), ("meshes.storage=plenty", "storage"),
-                             ("frontend.replicas=0", "replicas")):
+                             ("frontend.replicas=0", "replicas"), ("image.digest=latest", "digest"), ("network.ports={70000}", "ports")):
             answer = self.helm("template", "varimesh", "varimesh", "--set", value, status=1)
             self.assertIn(words, answer)
             self.assertIn("schema", answer)
@@ -276,7 +308,7 @@ if __name__ == "__main__":
         print(installed.stdout, end="")
         os.environ["PATH"] += os.pathsep + os.environ["VARIMESH_HELM"]
     missing = [name for name in (tool, "kubectl" if tool == "helm" else tool) if shutil.which(name) is None]
-    if yaml is None and tool == "helm":
+    if yaml is None and tool in ("helm", "docker-compose"):
         missing.append("python3-yaml")
     if missing:
         print(f"SKIPPED: deploy/farm: {' and '.join(missing)} is missing")

@@ -9,7 +9,9 @@ securityContext:
 
 {{- define "varimesh.container" -}}
 name: varimeshd
-image: {{ printf "%s:%s" .Values.image.repository .Values.image.tag | quote }}
+{{- with .Values.image }}
+image: "{{ .repository }}{{ if .digest }}@{{ .digest }}{{ else }}:{{ .tag }}{{ end }}"
+{{- end }}
 envFrom: [{configMapRef: {name: varimesh}}]
 env:
   - {name: PGPASSWORD, valueFrom: {secretKeyRef: {name: {{ .Values.database.secret }}, key: password}}}
