@@ -207,11 +207,9 @@ class Conversation {
       case worker::FromWorker::kSpareBack:
         return loan_.take_back(hooks_.control.spare_memory, message.spare_back());
       case worker::FromWorker::kOutput:
-        output_ = hooks_.open_output(message.output());
-        return;
+        return store([&] { output_ = hooks_.open_output(message.output()); });
       case worker::FromWorker::kOutputPiece:
-        if (!full_ && (output_ == nullptr || !output_(message.output_piece()))) full_ = true;
-        return;
+        return store([&] { full_ = full_ || output_ == nullptr || !output_(message.output_piece()); });
       case worker::FromWorker::kHdf5:
         return start_hdf5(message.hdf5());
       case worker::FromWorker::kHistory:
@@ -226,6 +224,15 @@ class Conversation {
       case worker::FromWorker::KIND_NOT_SET:
         throw ProcessLost{"sent a message that nobody expects"};
     }
+  }
+
+  /// The time in which the store takes what the run has written is not the run's: a full disk is waited for.
+  void store(const std::function<void()>& work) {
+    const steady_clock::time_point before = steady_clock::now();
+    work();
+    const steady_clock::duration took = steady_clock::now() - before;
+    began_ += took;
+    if (stopping_since_) *stopping_since_ += took;
   }
 
   void tell_trial(v1::SlideTrial trial) {

@@ -36,6 +36,9 @@ class JobDatabase {
   /// Runs `work` in a transaction. It is committed, and on the disk when this returns, if `work` returns true, and has
   /// no effect otherwise. `work` may be run more than once.
   virtual std::optional<Failure> write(const std::function<bool(JobWork&)>& work, Outcome outcome) = 0;
+  /// Gives up some of the room that is kept on the disk for changes that end or delete jobs. Returns false if there is
+  /// none.
+  virtual bool spend_room() { return false; }
   /// Whether the database could not be reached when it was last tried.
   virtual bool is_away() { return false; }
   /// As JobStore::stop_waiting() and JobStore::listen().

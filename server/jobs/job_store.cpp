@@ -30,6 +30,13 @@ std::invoke_result_t<Work, JobWork&> write(JobDatabase& database, const Work& wo
   return result;
 }
 
+/// Repeats a change that ends or deletes a job, and so frees room, as long as the disk is full and room is kept for it.
+Answer<Changed> with_kept_room(JobDatabase& database, const std::function<Answer<Changed>()>& change) {
+  Answer<Changed> changed = change();
+  while (!changed && changed.error().reason == "STORE_FULL" && database.spend_room()) changed = change();
+  return changed;
+}
+
 /// Changes the job of a claim if the claim is still valid. Returns what `work` returns.
 template <class Work>
 auto change(JobDatabase& database, const Claim& claim, const Work& work, Outcome outcome = Outcome::MustBeKnown) {
@@ -147,16 +154,14 @@ Answer<Changed> JobStore::submit(const Submission& submission) {
 }
 
 Answer<Changed> JobStore::request_cancel(const std::string& name, std::int64_t last_sequence) {
-  return write(
-      *database_,
-      [&](JobWork& work) -> Answer<Changed> {
-        auto row = load_job(work.sql, name, true);
-        if (!row) return tl::unexpected(row.error());
-        Changed changed = work.transitions.cancel(row->record, last_sequence);
-        if (!changed.events.empty()) save_job(work, *row, changed);
-        return changed;
-      },
-      Outcome::CanBeAskedAgain);
+  const auto cancel = [&](JobWork& work) -> Answer<Changed> {
+    auto row = load_job(work.sql, name, true);
+    if (!row) return tl::unexpected(row.error());
+    Changed changed = work.transitions.cancel(row->record, last_sequence);
+    if (!changed.events.empty()) save_job(work, *row, changed);
+    return changed;
+  };
+  return with_kept_room(*database_, [&] { return write(*database_, cancel, Outcome::CanBeAskedAgain); });
 }
 
 Answer<Changed> JobStore::ask_to_cancel(const std::string& name) {
@@ -177,19 +182,17 @@ Answer<Changed> JobStore::ask_to_cancel(const std::string& name) {
 }
 
 Answer<Changed> JobStore::remove(const std::string& name) {
-  return write(
-      *database_,
-      [&](JobWork& work) -> Answer<Changed> {
-        const auto row = load_job(work.sql, name, true);
-        Changed changed;
-        changed.job.set_name(name);
-        if (!row && row.error().code != Failure::Code::DataLoss) return tl::unexpected(row.error());
-        if (row && !has_ended(row->record.job.state())) return job_not_ended(name);
-        if (row) changed = {row->record.job, {}, digests_of(row->record)};
-        delete_job(work.sql, work.sql.number("SELECT key FROM jobs WHERE name = $1", SqlValues().add(name)));
-        return changed;
-      },
-      Outcome::CanBeAskedAgain);
+  const auto remove = [&](JobWork& work) -> Answer<Changed> {
+    const auto row = load_job(work.sql, name, true);
+    Changed changed;
+    changed.job.set_name(name);
+    if (!row && row.error().code != Failure::Code::DataLoss) return tl::unexpected(row.error());
+    if (row && !has_ended(row->record.job.state())) return job_not_ended(name);
+    if (row) changed = {row->record.job, {}, digests_of(row->record)};
+    delete_job(work.sql, work.sql.number("SELECT key FROM jobs WHERE name = $1", SqlValues().add(name)));
+    return changed;
+  };
+  return with_kept_room(*database_, [&] { return write(*database_, remove, Outcome::CanBeAskedAgain); });
 }
 
 // ===== calls of workers =====
@@ -256,9 +259,10 @@ Answer<Changed> JobStore::note_checkpoint(const Claim& claim, const CheckpointRe
 }
 
 Answer<Changed> JobStore::finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) {
-  return change(*database_, claim, [&](const JobTransitions& transitions, JobRecord& record) {
+  const auto finish = [&](const JobTransitions& transitions, JobRecord& record) {
     return transitions.finish(record, ending, last_sequence);
-  });
+  };
+  return with_kept_room(*database_, [&] { return change(*database_, claim, finish); });
 }
 
 Answer<Changed> JobStore::see_cancel(const Claim& claim, std::int64_t last_sequence) {

@@ -1,9 +1,14 @@
 // Transactions in SQLite.
 #include "server/jobs/sqlite_jobs.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <chrono>
 #include <condition_variable>
 #include <filesystem>
 #include <mutex>
+#include <optional>
 
 #include "server/jobs/job_database.h"
 #include "server/jobs/sqlite.h"
@@ -18,13 +23,54 @@ Failure failure_of(const SqliteError& error) {
   return internal_failure(std::string("The job store failed (") + error.what() + ").").value();
 }
 
+/// A file that takes room on the disk, which is given up piece by piece when the disk is full. Thread-safe.
+class KeptRoom {
+ public:
+  /// `path`: empty: no room is kept.
+  explicit KeptRoom(const std::string& path)
+      : file_(path.empty() ? -1 : ::open(path.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600)) {
+    fill();
+  }
+  ~KeptRoom() {
+    if (file_ >= 0) ::close(file_);
+  }
+  KeptRoom(const KeptRoom&) = delete;
+  KeptRoom& operator=(const KeptRoom&) = delete;
+
+  /// Takes the room, if the disk has it. Tries so every few seconds only.
+  void fill() {
+    const std::lock_guard lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    if (file_ < 0 || bytes_ == kBytes || (tried_ && now - *tried_ < kPause)) return;
+    tried_ = now;
+    if (::posix_fallocate(file_, 0, kBytes) == 0) bytes_ = kBytes;
+  }
+  bool spend() {
+    const std::lock_guard lock(mutex_);
+    if (bytes_ < kPiece || ::ftruncate(file_, bytes_ - kPiece) != 0) return false;
+    bytes_ -= kPiece;
+    return true;
+  }
+
+ private:
+  /// A change writes some ten pages of 4 KiB.
+  static constexpr off_t kBytes = off_t{4} << 20, kPiece = off_t{64} << 10;
+  static constexpr std::chrono::seconds kPause{10};
+
+  const int file_;
+  std::mutex mutex_;
+  off_t bytes_ = 0;
+  std::optional<std::chrono::steady_clock::time_point> tried_;
+};
+
 /// A database with one writing connection, whose transactions are on the disk when a call returns (WAL,
 /// synchronous=FULL), and one reading connection, which does not wait for the writer. A database in memory has only
 /// one connection.
 class SqliteJobs : public JobDatabase {
  public:
   /// `path`: empty for a database in memory. Throws SqliteError.
-  SqliteJobs(const std::string& path, const JobStoreSettings& settings) : transitions_(settings), writer_(path) {
+  SqliteJobs(const std::string& path, const JobStoreSettings& settings)
+      : transitions_(settings), writer_(path), room_(path.empty() ? "" : path + "-room") {
     if (!path.empty()) reader_ = std::make_unique<SqliteDatabase>(path);
   }
   /// Returns false if a newer version made the tables.
@@ -35,6 +81,7 @@ class SqliteJobs : public JobDatabase {
   }
 
   bool durable() const override { return reader_ != nullptr; }
+  bool spend_room() override { return room_.spend(); }
 
   std::optional<Failure> read(const std::function<void(Sql&)>& work) override {
     if (reader_ == nullptr)
@@ -85,6 +132,7 @@ class SqliteJobs : public JobDatabase {
         writer_.run("RELEASE change");
       }
       transaction.commit();
+      room_.fill();
     } catch (const SqliteError& error) {
       for (Change* change : changes) change->failed = failure_of(error);
     }
@@ -96,6 +144,7 @@ class SqliteJobs : public JobDatabase {
   std::vector<Change*> queue_;
   bool writing_ = false;   ///< One of the callers is writing.
   SqliteDatabase writer_;  ///< Used only by that caller.
+  KeptRoom room_;
   std::mutex reader_mutex_;
   std::unique_ptr<SqliteDatabase> reader_;  ///< Null if the database is in memory.
 };

@@ -62,7 +62,11 @@ std::int64_t next_stream() {
 std::string mark_of(const std::string& digest, const std::string& owner) { return sha256(digest + " " + owner); }
 
 Refusal cannot_store(const std::string& why) {
-  return store_full("The server cannot store the mesh: " + why + " (" + std::strerror(errno) + ")");
+  const int reason = errno;
+  Refusal refusal = store_full("The server cannot store the mesh: " + why + " (" + std::strerror(reason) + ")");
+  const bool may_pass = reason == ENOSPC || reason == EDQUOT || reason == EMFILE || reason == ENFILE;
+  if (!may_pass) refusal.value().retry_seconds = 0;
+  return refusal;
 }
 
 bool sync_directory(const std::filesystem::path& directory) {
@@ -136,13 +140,23 @@ PartWriter::~PartWriter() {
 }
 
 bool PartWriter::append(std::string_view bytes) {
-  hash_.update(bytes);
-  const std::int64_t before = size_;
-  size_ += static_cast<std::int64_t>(bytes.size());
+  const std::int64_t after = size_ + static_cast<std::int64_t>(bytes.size());
   // The size need not be known, and other files grow as well.
-  if (promise_ && size_ / kCheckedBytes != before / kCheckedBytes && !has_room_()) return false;
+  if (promise_ && after / kCheckedBytes != size_ / kCheckedBytes && !has_room_()) {
+    errno = ENOSPC;
+    return false;
+  }
+  if (!write_all_at(file_, bytes, size_)) {
+    const int reason = errno;
+    // What the disk has taken of the piece gives its room back, until the piece comes again.
+    [[maybe_unused]] const int cut = ::ftruncate(file_, size_);
+    errno = reason;
+    return false;
+  }
   if (promise_) promise_->keep(static_cast<std::int64_t>(bytes.size()));
-  return write_all(file_, bytes);
+  hash_.update(bytes);
+  size_ = after;
+  return true;
 }
 
 }  // namespace varimesh::server

@@ -55,7 +55,7 @@ struct StoredBytes {
 class BlobWriter {
  public:
   virtual ~BlobWriter() = default;
-  /// Returns false if the store is full.
+  /// Returns false, with errno, if the bytes cannot be written. If the store is full, the call may be repeated.
   virtual bool append(std::string_view bytes) = 0;
   /// Puts the mesh into the store and adds a reference to it.
   virtual Answer<StoredBytes> commit() = 0;

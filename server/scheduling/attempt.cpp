@@ -10,7 +10,7 @@
 #include "core/base/utf8.h"
 #include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
-#include "server/refusals.h"
+#include "server/scheduling/outputs.h"
 #include "server/scheduling/run_memory.h"
 
 namespace varimesh::server {
@@ -26,6 +26,14 @@ Ending failed(const Error& error) {
 Ending failed(const Failure& failure) {
   return failed(Error{failure.code == Failure::Code::ResourceExhausted ? Error::Kind::Output : Error::Kind::Internal,
                       failure.sentence});
+}
+
+/// The store has not taken what a run leaves. If it may do so later, the run goes on from its checkpoint then.
+Ending not_stored(const Failure& failure) {
+  if (!Room::may_pass(failure)) return failed(failure);
+  Ending ending;
+  ending.state = v1::JOB_STATE_PENDING;
+  return ending;
 }
 
 /// Adds every iteration to the event log, and reports one every half second to the store.
@@ -174,70 +182,6 @@ class KernelReport {
   KernelWork told_;
 };
 
-/// Writes the outputs of a run to the mesh store. They are released again unless take() is called.
-class Outputs {
- public:
-  explicit Outputs(MeshStore& meshes) : meshes_(meshes) {}
-  ~Outputs() {
-    for (const v1::StoredMesh& mesh : stored_) meshes_.release(mesh.digest());
-  }
-
-  /// Closes the previous output and opens the next one.
-  Sink open(v1::MeshFormat format) {
-    close();
-    auto created = meshes_.create();
-    if (!created) {
-      failure_ = created.error();
-      return [](std::string_view) { return false; };
-    }
-    writer_ = std::move(*created);
-    format_ = format;
-    return [this](std::string_view bytes) {
-      if (writer_->append(bytes)) return true;
-      failure_ = store_full("The server's disk has no room for the result").value();
-      return false;
-    };
-  }
-
-  /// Closes the last output.
-  void close() {
-    if (writer_ == nullptr) return;
-    const auto stored = writer_->commit();
-    writer_.reset();
-    if (!stored) {
-      failure_ = stored.error();
-      return;
-    }
-    v1::StoredMesh mesh;
-    mesh.set_digest(stored->digest);
-    mesh.set_size(stored->size);
-    mesh.set_format(format_);
-    stored_.push_back(std::move(mesh));
-  }
-
-  /// The last failure of the store, if there was one.
-  const std::optional<Failure>& failure() const { return failure_; }
-  /// Returns the outputs, with their references.
-  std::vector<v1::StoredMesh> take() { return std::exchange(stored_, {}); }
-
- private:
-  MeshStore& meshes_;
-  std::unique_ptr<BlobWriter> writer_;
-  v1::MeshFormat format_ = v1::MESH_FORMAT_UNSPECIFIED;
-  std::vector<v1::StoredMesh> stored_;
-  std::optional<Failure> failure_;
-};
-
-/// Stores the history and returns its digest.
-Answer<std::string> store_history(MeshStore& meshes, const v1::History& history) {
-  auto writer = meshes.create();
-  if (!writer) return tl::unexpected(writer.error());
-  std::string bytes;
-  if (!history.SerializeToString(&bytes)) return history_too_large();
-  if (!(*writer)->append(bytes)) return store_full("The server's disk has no room for the history of the iterations");
-  return (*writer)->commit().map([](const StoredBytes& stored) { return stored.digest; });
-}
-
 RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input, const Options& options) {
   const v1::JobSpec& spec = attempt.claim.spec;
   RunRequest request;
@@ -251,11 +195,10 @@ RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input,
   return request;
 }
 
-/// Returns the CAD file of the job; null if it has none.
-Answer<std::shared_ptr<const Blob>> geometry_of(const Attempt& attempt) {
-  const v1::JobSpec& spec = attempt.claim.spec;
-  if (spec.geometry().digest().empty()) return std::shared_ptr<const Blob>();
-  return attempt.meshes.open(spec.geometry().digest());
+/// Opens the mesh or the CAD file of the job; null if it has none.
+Answer<std::shared_ptr<const Blob>> open_input(const Attempt& attempt, Room& room, const std::string& digest) {
+  if (digest.empty()) return std::shared_ptr<const Blob>();
+  return room.await([&] { return attempt.meshes.open(digest); });
 }
 
 /// Returns the state that an earlier attempt has saved; null if there is none.
@@ -266,20 +209,20 @@ std::shared_ptr<const Blob> saved_state(const Attempt& attempt) {
   return blob ? std::move(*blob) : nullptr;
 }
 
-Ending run(const Attempt& attempt) {
+Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   Stages stages(attempt);
-  auto input = attempt.meshes.open(attempt.claim.spec.mesh().digest());
+  const v1::JobSpec& spec = attempt.claim.spec;
+  auto input = open_input(attempt, room, spec.mesh().digest());
   if (!input) return failed(input.error());
-  auto cad_file = geometry_of(attempt);
+  auto cad_file = open_input(attempt, room, spec.geometry().digest());
   if (!cad_file) return failed(cad_file.error());
-  const auto options = options_from(attempt.claim.spec.options());
+  const auto options = options_from(spec.options());
   if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
   const std::shared_ptr<const Blob> checkpoint = saved_state(attempt);
   stages.enter("read");
 
-  Progress progress(attempt);
   Checkpoints checkpoints(attempt);
-  Outputs outputs(attempt.meshes);
+  Outputs outputs(attempt.meshes, room);
   const auto given_up = [&] { return attempt.stopping() && !attempt.cancelled(); };
   const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
   RunMemory memory(attempt.memory, attempt.threads, stop_asked);
@@ -323,7 +266,7 @@ Ending run(const Attempt& attempt) {
   RunRequest request = request_of(attempt, std::move(*input), *options);
   request.cad_file = std::move(*cad_file);
   auto outcome = attempt.engine.run(std::move(request), hooks);
-  if (outputs.failure()) return failed(*outputs.failure());
+  if (outputs.failure()) return not_stored(*outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;
   if (!outcome->lost.empty()) {
@@ -336,9 +279,9 @@ Ending run(const Attempt& attempt) {
     return ending;
   }
   outputs.close();
-  if (outputs.failure()) return failed(*outputs.failure());
-  const auto history = store_history(attempt.meshes, outcome->history);
-  if (!history) return failed(history.error());
+  if (outputs.failure()) return not_stored(*outputs.failure());
+  const auto history = store_history(attempt.meshes, room, outcome->history);
+  if (!history) return not_stored(history.error());
 
   // The result of a cancelled job is the best mesh so far.
   ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
@@ -353,7 +296,19 @@ Ending run(const Attempt& attempt) {
 
 Ending run_attempt(const Attempt& attempt) {
   try {
-    return run(attempt);
+    Progress progress(attempt);
+    Room room(
+        attempt.store_pause, [&] { return attempt.cancelled() || attempt.stopping(); },
+        [&] {
+          progress.note("The server's disk is full; the job waits for room.");
+          attempt.waits_for_room();
+        });
+    const Ending ending = run(attempt, progress, room);
+    if (!room.gave_up()) return ending;
+    // There is no room for what the run has made, and a cancel does not wait for it.
+    Ending early;
+    early.state = attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_PENDING;
+    return early;
   } catch (const std::bad_alloc&) {
     return failed(
         Error{Error::Kind::Internal,

@@ -32,6 +32,9 @@ struct Attempt {
   std::function<bool(const CheckpointReference&)> note_checkpoint;
   /// How long a run may go on when the server stops, to reach an iteration that can be saved as a checkpoint.
   std::function<std::chrono::milliseconds()> stop_patience = [] { return std::chrono::milliseconds(10'000); };
+  /// Time between two tries to store something on a full disk.
+  std::chrono::milliseconds store_pause{500};
+  std::function<void()> waits_for_room = [] {};  ///< Called before the first of them.
   /// Called when a stage begins: "fetch" (of the mesh), "read", the phases of the optimisation, "store" (of the
   /// result). May be called again in the same stage. `since`: when the stage before has ended.
   std::function<void(const std::string& stage, TimePoint since)> on_stage = [](const auto&, TimePoint) {};
@@ -40,7 +43,8 @@ struct Attempt {
 };
 
 /// Runs the attempt to its end and adds its iterations to the event log. Never throws: all failures are returned in the
-/// ending. The state is PENDING if the run ended because the server stops. If the ending has no results, everything
+/// ending. The state is PENDING if the run ended because the server stops. If the disk is full, the attempt waits for
+/// room; if the job is cancelled meanwhile, it is CANCELLED without a result. If the ending has no results, everything
 /// that was stored has been released.
 Ending run_attempt(const Attempt& attempt);
 

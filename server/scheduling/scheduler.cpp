@@ -106,15 +106,23 @@ Answer<v1::Job> Scheduler::cancel(const std::string& name) {
     return asked->job;
   }
   const auto changed = change(name, [&](std::int64_t last) { return jobs_->request_cancel(name, last); });
-  if (!changed) return tl::unexpected(changed.error());
-  if (changed->events.empty()) return changed->job;
-  note_end(changed->job);
-  {
-    std::lock_guard lock(mutex_);
-    if (const auto running = running_.find(name); running != running_.end()) running->second->cancelled = true;
-  }
-  settings_.log(name, "cancel requested");
-  return changed->job;
+  if (changed && changed->events.empty()) return changed->job;
+  if (!changed && changed.error().reason != "STORE_FULL") return tl::unexpected(changed.error());
+  if (changed) note_end(changed->job);
+  if (!stop_running(name) && !changed) return tl::unexpected(changed.error());
+  settings_.log(name, changed ? "cancel requested" : "cancel requested, which the full disk cannot record");
+  if (changed) return changed->job;
+  auto job = jobs_->get(name);
+  if (job && !has_ended(job->state())) job->set_state(v1::JOB_STATE_CANCELLING);
+  return job;
+}
+
+bool Scheduler::stop_running(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  const auto running = running_.find(name);
+  if (running == running_.end()) return false;
+  running->second->cancelled = true;
+  return true;
 }
 
 bool Scheduler::runs_here(const std::string& name) {
@@ -258,6 +266,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
       return noted.has_value();
     };
   attempt.kernels_worked = settings_.kernels_worked;
+  attempt.waits_for_room = [&] { settings_.log(claim.name, "waits for room on the full disk"); };
   attempt.stop_patience = [this] { return stop_patience_.load(); };
   RunSpans spans(settings_.spans, claim, settings_.clock);
   attempt.on_stage = [&](const std::string& stage, TimePoint since) { spans.enter(stage, since); };

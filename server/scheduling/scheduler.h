@@ -120,6 +120,8 @@ class Scheduler {
     if (has_ended(job.state())) settings_.noted(job);
   }
   bool runs_here(const std::string& name);
+  /// Tells a run that its job is cancelled. Returns false if the job does not run here.
+  bool stop_running(const std::string& name);
   /// Refuses a stored mesh that takes more memory than all jobs have together.
   Answer<void> check_memory(const std::string& digest);
   Answer<void> check_geometry(const v1::JobSpec& spec, const Options& options);

@@ -85,6 +85,15 @@ void Caller::cancel(const std::string& name) const {
   require(jobs->CancelJob(&context, request, &response));
 }
 
+void Caller::remove(const std::string& name) const {
+  v1::DeleteJobRequest request;
+  request.set_name(name);
+  grpc::ClientContext context;
+  context.set_wait_for_ready(true);
+  v1::DeleteJobResponse response;
+  require(jobs->DeleteJob(&context, request, &response));
+}
+
 double Caller::wait_for(const std::string& name, const std::vector<v1::JobState>& states, v1::Job* job) const {
   const auto begun = Clock::now();
   while (milliseconds_since(begun) < 300'000) {

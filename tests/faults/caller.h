@@ -29,6 +29,7 @@ class Caller {
   std::string submit(const v1::JobSpec& spec) const;
   v1::Job get(const std::string& name) const;
   void cancel(const std::string& name) const;
+  void remove(const std::string& name) const;
   /// Asks every few milliseconds until the job is in one of these states, for at most five minutes. Returns how long
   /// that took, in milliseconds.
   double wait_for(const std::string& name, const std::vector<v1::JobState>& states, v1::Job* job = nullptr) const;

@@ -1,8 +1,12 @@
 // What clients say about their uploads, and names of directories.
 #include "server/meshes/disk.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -23,6 +27,35 @@ TEST(SizeOfAMesh, IsCheckedBeforeAnySumIsMadeWithIt) {
   EXPECT_EQ(check_size(1 << 20, 1 << 20, 10).error().reason, "MESH_TOO_LARGE");
   EXPECT_TRUE(check_size(1 << 20, 1 << 20, 0));
   EXPECT_TRUE(check_size(0, 1 << 20, 1 << 30));
+}
+
+TEST(PartWriter, TakesAPieceAgainThatTheDiskTookInPart) {
+  std::string path = ::testing::TempDir() + "varimesh-part-XXXXXX";
+  const int file = ::mkstemp(path.data());
+  ASSERT_GE(file, 0);
+  PartWriter writer(
+      file, path, std::nullopt, [] { return true; },
+      [](const std::filesystem::path&, int, StoredBytes stored) -> Answer<StoredBytes> { return stored; });
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  EXPECT_TRUE(writer.append("begin "));
+  const rlimit small{10, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+  EXPECT_FALSE(writer.append("middle ")) << "four of its bytes fit";
+  EXPECT_EQ(std::filesystem::file_size(path), 6U) << "they take no room until the piece comes again";
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_TRUE(writer.append("middle "));
+  EXPECT_TRUE(writer.append("end"));
+  std::ifstream written(path);
+  std::string text;
+  std::getline(written, text);
+  EXPECT_EQ(text, "begin middle end");
+  const auto stored = writer.commit();
+  ASSERT_TRUE(stored);
+  EXPECT_EQ(stored->digest, sha256(text));
+  EXPECT_EQ(stored->size, 16);
 }
 
 class NameOfDirectory : public ::testing::Test {
