@@ -284,7 +284,7 @@ class Parser : public XmlVisitor {
 
 NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance, const Team& team) {
   Parser parser(bytes, keeps_points, allowance);
-  walk_xml(bytes, parser);
+  walk_xml(bytes, parser, allowance);
   return parser.take(team);
 }
 

@@ -133,9 +133,9 @@ class Parser : public XmlVisitor {
 
 }  // namespace
 
-VtkDeclared vtk_declared(std::string_view file) {
+VtkDeclared vtk_declared(std::string_view file, const FileAllowance& allowance) {
   Parser parser(file);
-  walk_xml(file, parser);
+  walk_xml(file, parser, allowance);
   return parser.take();
 }
 

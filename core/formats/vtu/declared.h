@@ -17,7 +17,7 @@ struct VtkDeclared {
   std::vector<VtkArray> coordinates, topology, cell_data, field_data;
 };
 
-/// Throws ReadFailure.
-VtkDeclared vtk_declared(std::string_view file);
+/// Throws ReadFailure; Interrupted if reading is to stop.
+VtkDeclared vtk_declared(std::string_view file, const FileAllowance& allowance);
 
 }  // namespace varimesh::formats

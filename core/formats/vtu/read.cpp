@@ -386,10 +386,10 @@ bool begins_like_vtk(std::string_view bytes) { return begins_with_element(bytes,
 
 Expected<MeshFile> read_vtu(std::string_view bytes, const Team& team) {
   FileAllowance allowance(bytes.size(), team.stop());
-  const std::string plain = without_comments(bytes, "AppendedData");
+  const std::string plain = without_comments(bytes, "AppendedData", allowance);
   allowance.take(plain.size(), 1);
   if (!plain.empty()) bytes = plain;
-  return MeshFile{Reading(vtk_declared(bytes), allowance, team).take(), Format::Vtu};
+  return MeshFile{Reading(vtk_declared(bytes, allowance), allowance, team).take(), Format::Vtu};
 }
 
 }  // namespace varimesh::formats

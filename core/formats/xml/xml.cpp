@@ -11,20 +11,31 @@
 
 #include "core/base/io/scanner.h"
 #include "core/base/utf8.h"
+#include "core/formats/common/file_allowance.h"
 
 namespace varimesh::formats {
 
 namespace {
 
 constexpr int kDeepest = 64;
-// Expat takes an int for a length. Between pieces the walk can skip raw text.
-constexpr std::size_t kPiece = std::size_t(1) << 16;
+// Expat takes an int for a length. Between pieces the walk can skip raw text, and reading can be stopped.
+constexpr std::size_t kPiece = std::size_t(1) << 16, kMostAtOnce = std::size_t(1) << 29;
+
+/// The length of the piece that expat gets next.
+/// @param seen  what it has got so far
+/// @param left  what is still to come
+std::size_t next_piece(XML_Parser parser, std::size_t seen, std::size_t left) {
+  // Expat begins anew with a tag or a comment that it has only in part. As it then gets as much again, it looks at each
+  // byte a few times at most, however long the tag is.
+  const auto begun = std::size_t(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser)));
+  return std::min({std::max(kPiece, seen - std::min(begun, seen)), kMostAtOnce, left});
+}
 
 /// The state of a walk. Exceptions must not pass through expat, which is written in C, so they wait here.
 class Walk {
  public:
-  Walk(std::string_view bytes, XmlVisitor& visitor)
-      : bytes_(bytes), visitor_(visitor), parser_(XML_ParserCreate(nullptr), XML_ParserFree) {
+  Walk(std::string_view bytes, XmlVisitor& visitor, const FileAllowance& allowance)
+      : bytes_(bytes), visitor_(visitor), allowance_(allowance), parser_(XML_ParserCreate(nullptr), XML_ParserFree) {
     if (!parser_) throw std::bad_alloc();
     XML_SetUserData(parser_.get(), this);
     XML_SetElementHandler(parser_.get(), start, end);
@@ -35,7 +46,8 @@ class Walk {
   void run() {
     bool last = false;
     for (std::size_t at = 0; !last;) {
-      const std::size_t length = std::min(kPiece, bytes_.size() - at);
+      allowance_.look_now();
+      const std::size_t length = next_piece(parser_.get(), at - skipped_, bytes_.size() - at);
       last = at + length == bytes_.size();
       if (XML_Parse(parser_.get(), bytes_.data() + at, int(length), last ? 1 : 0) == XML_STATUS_ERROR) {
         if (failure_) std::rethrow_exception(failure_);
@@ -119,6 +131,7 @@ class Walk {
 
   std::string_view bytes_;
   XmlVisitor& visitor_;
+  const FileAllowance& allowance_;
   std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser_;
   std::exception_ptr failure_;
   bool ended_ = false;
@@ -141,7 +154,9 @@ std::string_view XmlElement::get(std::string_view attribute) const {
   return value == nullptr ? std::string_view() : *value;
 }
 
-void walk_xml(std::string_view bytes, XmlVisitor& visitor) { Walk(bytes, visitor).run(); }
+void walk_xml(std::string_view bytes, XmlVisitor& visitor, const FileAllowance& allowance) {
+  Walk(bytes, visitor, allowance).run();
+}
 
 namespace {
 
@@ -166,7 +181,7 @@ struct Comments {
 
 }  // namespace
 
-std::string without_comments(std::string_view bytes, std::string_view last_element) {
+std::string without_comments(std::string_view bytes, std::string_view last_element, const FileAllowance& allowance) {
   const std::string_view before = bytes.substr(0, bytes.find("<" + std::string(last_element)));
   if (before.find("<!--") == std::string_view::npos) return {};
   const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr), XML_ParserFree);
@@ -176,8 +191,9 @@ std::string without_comments(std::string_view bytes, std::string_view last_eleme
   XML_SetCommentHandler(parser.get(), Comments::comment);
   XML_SetStartElementHandler(parser.get(), Comments::start);
   // A file that is not well-formed is refused by the walk that follows.
-  for (std::size_t at = 0; at < bytes.size(); at += kPiece) {
-    const std::size_t length = std::min(kPiece, bytes.size() - at);
+  for (std::size_t at = 0, length = 0; at < bytes.size(); at += length) {
+    allowance.look_now();
+    length = next_piece(parser.get(), at, bytes.size() - at);
     if (XML_Parse(parser.get(), bytes.data() + at, int(length), at + length == bytes.size() ? 1 : 0) != XML_STATUS_OK)
       break;
   }

@@ -9,6 +9,8 @@
 
 namespace varimesh::formats {
 
+class FileAllowance;
+
 /// An element of an XML file, as it begins.
 struct XmlElement {
   std::string_view name;
@@ -40,12 +42,12 @@ class XmlVisitor {
 };
 
 /// Walks through the file. Throws ReadFailure if it is not well-formed, declares a document type (which can make a
-/// small file huge), nests elements deeper than 64, or is not in UTF-8 or ASCII.
-void walk_xml(std::string_view bytes, XmlVisitor& visitor);
+/// small file huge), nests elements deeper than 64, or is not in UTF-8 or ASCII; Interrupted if reading is to stop.
+void walk_xml(std::string_view bytes, XmlVisitor& visitor, const FileAllowance& allowance);
 
 /// The file with blanks in place of its comments, at the same bytes; empty if it has none. What follows an element with
-/// this name stays as it is: it may be raw bytes.
-std::string without_comments(std::string_view bytes, std::string_view last_element);
+/// this name stays as it is: it may be raw bytes. Throws Interrupted if reading is to stop.
+std::string without_comments(std::string_view bytes, std::string_view last_element, const FileAllowance& allowance);
 
 /// The text as an attribute in quotation marks has it. What XML cannot hold is written as \xNN or \uNNNN: control
 /// characters, bytes that are not UTF-8, U+FFFE and U+FFFF.
