@@ -38,6 +38,9 @@ class CallersView {
   std::unique_ptr<KeptShare> keep_share() const { return meshes_->keep_share(caller_.owner); }
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) const { return meshes_->finish_upload(ticket); }
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) const;
+  std::unique_ptr<BlobCheck> check(const std::string& digest) const {
+    return may_use(digest) ? meshes_->check(digest) : nullptr;
+  }
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) const;
   /// FAILED_PRECONDITION if jobs of the caller refer to the mesh. If other owners have it too, they keep it.
   Answer<void> remove_mesh(const std::string& digest) const;

@@ -26,6 +26,7 @@ struct ApiContext {
   MeshStore& meshes;
   const Access& access;
   Pool& pool;
+  Pool& files;  ///< For calls that read, write or hash the bytes of meshes: the others do not wait for those.
   CallRegistry& calls;
   PeerCounts& watches;
   PeerCounts& uploads;
@@ -51,6 +52,10 @@ Answer<CallersView> admit(const ApiContext& api, const Context& call, Method met
   return CallersView(api.scheduler, api.meshes, std::move(*caller));
 }
 
+inline Pool& pool_of(const ApiContext& api, Method method) {
+  return method == Method::DownloadMesh || method == Method::GetResult ? api.files : api.pool;
+}
+
 /// Answers a unary call with the status of `work`, which gets what the caller may see. It runs on the pool because it
 /// may wait for a disk or a database.
 template <class Work>
@@ -60,10 +65,12 @@ grpc::ServerUnaryReactor* unary(const ApiContext& api, grpc::CallbackServerConte
   if (!view)
     reactor->Finish(status(view.error()));
   else
-    api.pool.post([reactor, view = std::move(*view), work = std::move(work)] {
-      const LogScope scope(view.caller().log_fields());
-      reactor->Finish(guarded([&] { return work(view); }));
-    });
+    api.pool.post(
+        [reactor, view = *view, work = std::move(work)] {
+          const LogScope scope(view.caller().log_fields());
+          reactor->Finish(guarded([&] { return work(view); }));
+        },
+        view->caller().peer);
   return reactor;
 }
 

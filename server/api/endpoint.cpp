@@ -15,8 +15,8 @@
 namespace varimesh::server {
 namespace {
 
-/// Threads for disks and hashing, which wait more than they work.
-constexpr int kPoolThreads = 4;
+/// Threads that wait more than they work: for the calls that ask the job store, and for those that move files and hash.
+constexpr int kPoolThreads = 4, kFileThreads = 4;
 
 /// For how long after a refused connection the server counts as full. Longer than between two calls to itself.
 constexpr std::chrono::seconds kFull{15};
@@ -44,7 +44,9 @@ Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access
       uploads_(limits.max_uploads_per_peer),
       downloads_(limits.max_downloads_per_peer),
       pool_(kPoolThreads),
-      context_{scheduler, meshes, access, pool_, calls_, watches_, uploads_, downloads_, limits, pages, start_time},
+      files_(kFileThreads),
+      context_{scheduler, meshes,   access,     pool_,  files_, calls_,
+               watches_,  uploads_, downloads_, limits, pages,  start_time},
       health_(context_),
       mesh_service_(context_),
       job_service_(context_),

@@ -53,7 +53,7 @@ class Endpoint {
   // In the order in which they use each other.
   CallRegistry calls_;
   PeerCounts watches_, uploads_, downloads_;
-  Pool pool_;
+  Pool pool_, files_;
   const ApiContext context_;
   HealthService health_;
   MeshService mesh_service_;

@@ -158,9 +158,9 @@ grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::Cal
                 result->emplace(api_, std::move(*job), with_meshes);
               }
               ResultSource::Piece piece;
-              const auto more = (*result)->pull(&piece);
-              if (!more) *ended = status(more.error());
-              if (!more || !*more) return Pull::End;
+              const auto got = (*result)->pull(&piece);
+              if (!got) *ended = status(got.error());
+              if (!got || *got != Pull::Message) return got.value_or(Pull::End);
               if (piece.job) *response->mutable_job() = std::move(*piece.job);
               if (piece.history) *response->mutable_history() = std::move(*piece.history);
               if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);

@@ -41,14 +41,16 @@ class Receiving : public Reactor, public Call {
     std::lock_guard lock(mutex_);
     reading_since_ = kNever;
     if (finished_) return;
-    api_.pool.post([this, ok, alive = self_] {
-      const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
-      if (!status.ok()) return end(status);
-      std::lock_guard inner(mutex_);
-      if (finished_) return;
-      answer();
-      if (!session_.stored()) read();
-    });
+    api_.files.post(
+        [this, ok, alive = self_] {
+          const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
+          if (!status.ok()) return end(status);
+          std::lock_guard inner(mutex_);
+          if (finished_) return;
+          answer();
+          if (!session_.stored()) read();
+        },
+        session_.caller());
   }
   void OnCancel() override { end(grpc::Status::CANCELLED); }
   void OnDone() override {
@@ -209,6 +211,7 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(gr
                                                                               const v1::DownloadMeshRequest* request) {
   struct State {
     std::shared_ptr<const void> place;  // among the open downloads of the caller
+    std::optional<std::unique_ptr<BlobCheck>> check;
     std::unique_ptr<BlobReader> reader;
     v1::DownloadMeshRequest request;
     bool first = true;
@@ -225,6 +228,8 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(gr
         return Stream::Source([view, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
           const std::int64_t offset = state->request.offset();
           if (state->reader == nullptr) {
+            if (!state->check) state->check = view.check(state->request.digest());
+            if (*state->check != nullptr && (*state->check)->step()) return Pull::Again;
             auto reader = view.read(state->request.digest());
             *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
             if (!ended->ok()) return Pull::End;

@@ -42,8 +42,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
 
   void OnReadDone(bool ok) override {
     if (pump_.finished()) return;
-    api_.pool.post([this, ok, alive = weak_.lock()] {
-      if (alive == nullptr) return;
+    post([this, ok] {
       if (!ok && spec_ && spec_->size() == 0)
         ended_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
       else
@@ -63,8 +62,8 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     const std::chrono::steady_clock::time_point since{std::chrono::steady_clock::duration(ended)};
     if (ended == kNotEnded || now - since < kPatienceWithCuts || pump_.finished()) return;
     if (!ended_at_.compare_exchange_strong(ended, kNotEnded)) return;
-    api_.pool.post([this, alive = weak_.lock()] {
-      if (alive != nullptr && !pump_.finished()) handle(false);
+    post([this] {
+      if (!pump_.finished()) handle(false);
     });
   }
   void poke() override { pump_.poke(); }
@@ -75,9 +74,21 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
         view_(admit(api, *call, Method::Optimise)),
         upload_(view_ ? api.uploads.take(view_->caller().peer) : nullptr),
         watch_(view_ ? api.watches.take(view_->caller().peer) : nullptr),
-        pump_(api.pool, api.limits,
+        pump_(api.files, api.limits,
               {[this](const v1::OptimiseResponse* response) { StartWrite(response); },
-               [this](const grpc::Status& status) { Finish(status); }, [call] { call->TryCancel(); }}) {}
+               [this](const grpc::Status& status) { Finish(status); }, [call] { call->TryCancel(); }},
+              peer()) {}
+
+  std::string peer() const { return view_ ? view_->caller().peer : ""; }
+
+  /// Runs `work` on the pool if this stream is still there.
+  void post(std::function<void()> work) {
+    api_.files.post(
+        [alive = weak_.lock(), work = std::move(work)] {
+          if (alive != nullptr) work();
+        },
+        peer());
+  }
 
   /// Handles a message or, if there was none, the end of what the client sends.
   void handle(bool message) {
@@ -186,9 +197,9 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
       results_.emplace(api_, *job, true);
     }
     ResultSource::Piece piece;
-    const auto more = results_->pull(&piece);
-    if (!more) *ended = status(more.error());
-    if (!more || !*more) return Pull::End;
+    const auto got = results_->pull(&piece);
+    if (!got) *ended = status(got.error());
+    if (!got || *got != Pull::Message) return got.value_or(Pull::End);
     if (piece.job) *response->mutable_finished() = std::move(*piece.job);
     if (piece.history) *response->mutable_history() = std::move(*piece.history);
     if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);

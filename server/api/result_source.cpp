@@ -3,12 +3,12 @@
 
 namespace varimesh::server {
 
-Answer<bool> ResultSource::pull(Piece* piece) {
+Answer<Pull> ResultSource::pull(Piece* piece) {
   constexpr int kBatch = 1000;
   if (!job_sent_) {
     job_sent_ = true;
     piece->job = job_;
-    return true;
+    return Pull::Message;
   }
   if (!history_) {
     auto history = api_.scheduler.history(job_.name());
@@ -20,15 +20,19 @@ Answer<bool> ResultSource::pull(Piece* piece) {
     const int end = std::min(next_iteration_ + kBatch, history_->iterations_size());
     for (; next_iteration_ < end; ++next_iteration_)
       piece->history->add_iterations()->Swap(history_->mutable_iterations(next_iteration_));
-    return true;
+    return Pull::Message;
   }
-  return with_meshes_ ? pull_chunk(piece) : Answer<bool>(false);
+  return with_meshes_ ? pull_chunk(piece) : Answer<Pull>(Pull::End);
 }
 
-Answer<bool> ResultSource::pull_chunk(Piece* piece) {
+Answer<Pull> ResultSource::pull_chunk(Piece* piece) {
   while (result_ < job_.results_size()) {
     if (reader_ == nullptr) {
-      auto reader = api_.meshes.read(job_.results(result_).digest());
+      const std::string& digest = job_.results(result_).digest();
+      if (!check_) check_ = api_.meshes.check(digest);
+      if (*check_ != nullptr && (*check_)->step()) return Pull::Again;
+      check_.reset();
+      auto reader = api_.meshes.read(digest);
       if (!reader) return tl::unexpected(reader.error());
       reader_ = std::move(*reader);
       offset_ = 0;
@@ -41,12 +45,12 @@ Answer<bool> ResultSource::pull_chunk(Piece* piece) {
       chunk.mutable_chunk()->set_offset(offset_);
       chunk.mutable_chunk()->set_data(std::move(data->bytes));
       offset_ += data->size;
-      return true;
+      return Pull::Message;
     }
     reader_.reset();
     ++result_;
   }
-  return false;
+  return Pull::End;
 }
 
 }  // namespace varimesh::server

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "server/api/context.h"
+#include "server/streams/pump.h"
 #include "varimesh/v1/service.pb.h"
 
 namespace varimesh::server {
@@ -21,11 +22,11 @@ class ResultSource {
     std::optional<v1::History> history;
     std::optional<v1::ResultChunk> chunk;
   };
-  /// Fills in the next piece. Returns false at the end.
-  Answer<bool> pull(Piece* piece);
+  /// Fills in the next piece, unless it answers that the end has come or that it is to be asked again.
+  Answer<Pull> pull(Piece* piece);
 
  private:
-  Answer<bool> pull_chunk(Piece* piece);
+  Answer<Pull> pull_chunk(Piece* piece);
 
   const ApiContext& api_;
   const v1::Job job_;
@@ -34,6 +35,7 @@ class ResultSource {
   std::optional<v1::History> history_;
   int next_iteration_ = 0;
   int result_ = 0;
+  std::optional<std::unique_ptr<BlobCheck>> check_;
   std::unique_ptr<BlobReader> reader_;
   std::int64_t offset_ = 0;
 };

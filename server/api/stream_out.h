@@ -26,17 +26,13 @@ class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public
       const std::function<Answer<Source>(const CallersView& view)>& make_source, const Subscribe& subscribe = {}) {
     const auto view = admit(api, *call, method);
     if (!view) return refuse(api, call, status(view.error()));
-    return open(api, call, make_source(*view), subscribe);
+    return open(api, call, make_source(*view), subscribe, pool_of(api, method), view->caller().peer);
   }
 
   /// Starts a stream that everybody may have.
   static grpc::ServerWriteReactor<Response>* open(const ApiContext& api, grpc::CallbackServerContext* call,
                                                   Answer<Source> source, const Subscribe& subscribe) {
-    if (!source) return refuse(api, call, status(source.error()));
-    auto stream = make(api, call);
-    if (subscribe) subscribe(std::weak_ptr<Listener>(stream));
-    stream->pump_.start(stream, std::move(*source));
-    return stream.get();
+    return open(api, call, std::move(source), subscribe, api.pool, peer_address(call->peer()));
   }
 
   void OnWriteDone(bool ok) override { pump_.on_write_done(ok); }
@@ -50,22 +46,34 @@ class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public
   void poke() override { pump_.poke(); }
 
  private:
+  static grpc::ServerWriteReactor<Response>* open(const ApiContext& api, grpc::CallbackServerContext* call,
+                                                  Answer<Source> source, const Subscribe& subscribe, Pool& pool,
+                                                  const std::string& caller) {
+    if (!source) return refuse(api, call, status(source.error()));
+    auto stream = make(api, call, pool, caller);
+    if (subscribe) subscribe(std::weak_ptr<Listener>(stream));
+    stream->pump_.start(stream, std::move(*source));
+    return stream.get();
+  }
+
   /// Ends the call at once with a status.
   static grpc::ServerWriteReactor<Response>* refuse(const ApiContext& api, grpc::CallbackServerContext* call,
                                                     const grpc::Status& why) {
-    auto stream = make(api, call);
+    auto stream = make(api, call, api.pool, {});
     stream->end(why);
     return stream.get();
   }
 
-  StreamOut(const ApiContext& api, grpc::CallbackServerContext* call)
+  StreamOut(const ApiContext& api, grpc::CallbackServerContext* call, Pool& pool, const std::string& caller)
       : calls_(api.calls),
-        pump_(api.pool, api.limits,
+        pump_(pool, api.limits,
               {[this](const Response* response) { this->StartWrite(response); },
-               [this](const grpc::Status& status) { this->Finish(status); }, [call] { call->TryCancel(); }}) {}
+               [this](const grpc::Status& status) { this->Finish(status); }, [call] { call->TryCancel(); }},
+              caller) {}
 
-  static std::shared_ptr<StreamOut> make(const ApiContext& api, grpc::CallbackServerContext* call) {
-    std::shared_ptr<StreamOut> stream(new StreamOut(api, call));
+  static std::shared_ptr<StreamOut> make(const ApiContext& api, grpc::CallbackServerContext* call, Pool& pool,
+                                         const std::string& caller) {
+    std::shared_ptr<StreamOut> stream(new StreamOut(api, call, pool, caller));
     stream->self_ = stream;
     if (!api.calls.add(stream)) stream->end(stopping_status());
     return stream;

@@ -26,6 +26,9 @@ class UploadSession {
     return place_ == nullptr ? status(peer_limit(view_->caller().peer, most_, "open uploads")) : grpc::Status::OK;
   }
 
+  /// Whose upload it is; empty for a caller who is not let in.
+  std::string caller() const { return view_ ? view_->caller().peer : ""; }
+
   /// Handles a message of a caller who is not refused; the first must be the header. Both calls have the same two kinds
   /// of messages.
   template <class Request>

@@ -8,8 +8,13 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
+#include <ctime>
 #include <functional>
+#include <mutex>
+#include <optional>
+#include <unordered_map>
 #include <utility>
 
 #include "core/base/io/write_all.h"
@@ -128,6 +133,89 @@ std::unique_ptr<BlobReader> open_reader(int file, Form form) {
   return nullptr;
 }
 
+/// The files that were compared with their digests, and not changed since. Thread-safe.
+class ComparedFiles {
+ public:
+  /// What tells one state of a file from another.
+  struct State {
+    dev_t device = 0;
+    ino_t inode = 0;
+    off_t size = 0;
+    timespec changed{}, renamed{};  ///< Its bytes, and anything about it.
+
+    bool operator==(const State& other) const {
+      const auto same = [](const timespec& a, const timespec& b) {
+        return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec;
+      };
+      return device == other.device && inode == other.inode && size == other.size && same(changed, other.changed) &&
+             same(renamed, other.renamed);
+    }
+  };
+  /// Nothing if the file was changed a moment ago: its times could not tell another change from that one.
+  static std::optional<State> of(int file) {
+    struct stat status {};
+    if (::fstat(file, &status) != 0 || ::time(nullptr) - status.st_mtim.tv_sec < kSettled) return std::nullopt;
+    return State{status.st_dev, status.st_ino, status.st_size, status.st_mtim, status.st_ctim};
+  }
+
+  bool has(const std::optional<State>& state, const std::string& digest) {
+    const std::lock_guard lock(mutex_);
+    const auto found = files_.find(digest);
+    return state && found != files_.end() && found->second.state == *state &&
+           Clock::now() - found->second.compared < kLifetime;
+  }
+  void add(const std::optional<State>& state, const std::string& digest) {
+    if (!state) return;
+    const std::lock_guard lock(mutex_);
+    if (files_.size() >= kMost) files_.clear();
+    files_[digest] = {*state, Clock::now()};
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::time_t kSettled = 2;  ///< Seconds.
+  static constexpr std::chrono::minutes kLifetime{10};
+  static constexpr std::size_t kMost = 10'000;
+  struct Compared {
+    State state;
+    Clock::time_point compared;
+  };
+
+  std::mutex mutex_;
+  std::unordered_map<std::string, Compared> files_;
+};
+
+ComparedFiles& compared_files() {
+  static ComparedFiles files;
+  return files;
+}
+
+/// Compares a file with its digest while a reader goes through it.
+class FileCheck : public BlobCheck {
+ public:
+  FileCheck(std::unique_ptr<BlobReader> reader, Content content, std::optional<ComparedFiles::State> state)
+      : reader_(std::move(reader)), content_(std::move(content)), state_(state) {}
+  bool step() override {
+    constexpr int kPieces = 16;
+    for (int i = 0; i < kPieces && offset_ < reader_->size(); ++i) {
+      const auto piece = reader_->read(offset_, false);
+      if (!piece || piece->size == 0) return false;
+      hash_.update(piece->bytes);
+      offset_ += piece->size;
+    }
+    if (offset_ < reader_->size()) return true;
+    if (offset_ == content_.size && hash_.finish() == content_.digest) compared_files().add(state_, content_.digest);
+    return false;
+  }
+
+ private:
+  const std::unique_ptr<BlobReader> reader_;
+  const Content content_;
+  const std::optional<ComparedFiles::State> state_;  ///< Before the first byte was read.
+  Sha256 hash_;
+  std::int64_t offset_ = 0;
+};
+
 /// Gives the bytes of a file to `take`, piece by piece. Returns false, with errno, if `take` does, or if the bytes are
 /// not the content.
 bool read_all(BlobReader& reader, const Content& content, const std::function<bool(std::string_view)>& take) {
@@ -188,9 +276,19 @@ bool is_whole(const std::filesystem::path& path, Form form, const std::string& d
 }
 
 std::unique_ptr<BlobReader> read_file(int file, Form form, const Content& content) {
+  const auto state = ComparedFiles::of(file);
   auto reader = open_reader(file, form);
-  if (reader != nullptr && !read_all(*reader, content, [](std::string_view) { return true; })) reader.reset();
+  if (reader == nullptr || compared_files().has(state, content.digest)) return reader;
+  if (!read_all(*reader, content, [](std::string_view) { return true; })) return nullptr;
+  compared_files().add(state, content.digest);
   return reader;
+}
+
+std::unique_ptr<BlobCheck> check_file(int file, Form form, const Content& content) {
+  const auto state = ComparedFiles::of(file);
+  auto reader = open_reader(file, form);
+  if (reader == nullptr || !state || compared_files().has(state, content.digest)) return nullptr;
+  return std::make_unique<FileCheck>(std::move(reader), content, state);
 }
 
 }  // namespace varimesh::server

@@ -26,9 +26,13 @@ struct Content {
 /// writing fails (errno); EBADMSG if the file does not have this content.
 std::shared_ptr<const Blob> load_file(int file, Form form, const Content& content,
                                       const std::filesystem::path& directory);
-/// Takes ownership of the descriptor and reads the file once to compare it with its digest. Null if that fails (errno);
-/// EBADMSG if the file does not have this content.
+/// Takes ownership of the descriptor and reads the file once to compare it with its digest. A file that was compared in
+/// the last ten minutes, and has not been changed since, is not read again. Null if that fails (errno); EBADMSG if the
+/// file does not have this content.
 std::unique_ptr<BlobReader> read_file(int file, Form form, const Content& content);
+/// Takes ownership of the descriptor and compares the file in steps, so that read_file() need not. Null if there is
+/// nothing to compare, or if the file cannot be read: read_file() says why.
+std::unique_ptr<BlobCheck> check_file(int file, Form form, const Content& content);
 
 /// Whether the file, read to its end, has the content of this digest.
 bool is_whole(const std::filesystem::path& path, Form form, const std::string& digest);

@@ -159,6 +159,12 @@ Answer<std::unique_ptr<BlobReader>> DirectoryMeshStore::read(const std::string& 
   });
 }
 
+std::unique_ptr<BlobCheck> DirectoryMeshStore::check(const std::string& digest) {
+  const auto opened = open_file(digest);
+  if (!opened || opened->file < 0) return nullptr;
+  return check_file(opened->file, opened->form, {digest, opened->size});
+}
+
 Answer<std::int64_t> DirectoryMeshStore::size_of(const std::string& digest) {
   std::lock_guard lock(mutex_);
   const auto entry = find_stored(digest);

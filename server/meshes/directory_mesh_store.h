@@ -61,6 +61,7 @@ class DirectoryMeshStore : public MeshStore {
   Answer<std::unique_ptr<BlobWriter>> create(std::optional<std::int64_t> announced = {}) override;
   Answer<std::shared_ptr<const Blob>> open(const std::string& digest) override;
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) override;
+  std::unique_ptr<BlobCheck> check(const std::string& digest) override;
   Answer<std::int64_t> size_of(const std::string& digest) override;
   bool pin(const std::string& digest) override;
   bool touch(const std::string& digest) override;

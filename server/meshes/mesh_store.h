@@ -45,6 +45,14 @@ class BlobReader {
   virtual Answer<Piece> read(std::int64_t offset, bool zstd) = 0;
 };
 
+/// Compares a stored mesh with its digest, for a reader that is to be opened afterwards. One thread at a time.
+class BlobCheck {
+ public:
+  virtual ~BlobCheck() = default;
+  /// Reads some more of the mesh. Returns whether there is more to read.
+  virtual bool step() = 0;
+};
+
 /// The name and the size of a stored mesh.
 struct StoredBytes {
   std::string digest;
@@ -131,6 +139,8 @@ class MeshStore {
   virtual Answer<std::shared_ptr<const Blob>> open(const std::string& digest) = 0;
   /// Returns a reader of a mesh, whose bytes have been compared with the digest. Errors as for open().
   virtual Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) = 0;
+  /// Returns what compares a mesh in steps, after which read() need not do so. Null if there is nothing to do.
+  virtual std::unique_ptr<BlobCheck> check(const std::string& /*digest*/) { return nullptr; }
   /// Returns the size of a mesh in bytes, without reading it. NOT_FOUND if it is not in the store.
   virtual Answer<std::int64_t> size_of(const std::string& digest) = 0;
   /// Pins a mesh and returns true, or returns false if it is not in the store.

@@ -16,10 +16,12 @@ Pool::~Pool() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-void Pool::post(std::function<void()> task) {
+void Pool::post(std::function<void()> task, const std::string& caller) {
   {
     std::lock_guard lock(mutex_);
-    tasks_.push_back(std::move(task));
+    auto& tasks = tasks_[caller];
+    if (tasks.empty()) turns_.push_back(caller);
+    tasks.push_back(std::move(task));
   }
   ready_.notify_one();
 }
@@ -29,10 +31,16 @@ void Pool::run() {
     std::function<void()> task;
     {
       std::unique_lock lock(mutex_);
-      ready_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
-      if (tasks_.empty()) return;
-      task = std::move(tasks_.front());
-      tasks_.pop_front();
+      ready_.wait(lock, [this] { return stopping_ || !turns_.empty(); });
+      if (turns_.empty()) return;
+      const auto next = tasks_.find(turns_.front());
+      turns_.pop_front();
+      task = std::move(next->second.front());
+      next->second.pop_front();
+      if (next->second.empty())
+        tasks_.erase(next);
+      else
+        turns_.push_back(next->first);
     }
     task();
   }

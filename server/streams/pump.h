@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <string>
 
 #include "server/limits.h"
 #include "server/resources/pool.h"
@@ -13,8 +14,9 @@
 
 namespace varimesh::server {
 
-/// The answer of a source: a message, nothing at the moment, or the end of the stream.
-enum class Pull { Message, Wait, End };
+/// The answer of a source: a message, nothing at the moment, the end of the stream, or that it has worked for a while
+/// and is to be asked again, when others have had their turn.
+enum class Pull { Message, Wait, End, Again };
 
 /// Writes the messages of a source one after another and finishes the stream. The reactor that owns the pump forwards
 /// its reactions to it. As in gRPC's orca_service.cc, the lock is held while it is decided who finishes the stream.
@@ -30,7 +32,9 @@ class Pump {
     std::function<void()> cancel;
   };
 
-  Pump(Pool& pool, const Limits& limits, Stream stream) : pool_(pool), limits_(limits), stream_(std::move(stream)) {}
+  /// `caller`: whose turn at the pool it is.
+  Pump(Pool& pool, const Limits& limits, Stream stream, std::string caller = {})
+      : pool_(pool), limits_(limits), stream_(std::move(stream)), caller_(std::move(caller)) {}
 
   /// Begins to write. Before this call only end() has an effect. `owner` is the reactor, which is kept alive while the
   /// pool works for it.
@@ -96,9 +100,11 @@ class Pump {
   void pull_soon() {
     state_ = State::Pulling;
     poked_ = false;
-    pool_.post([this, alive = owner_.lock()] {
-      if (alive != nullptr) pull();
-    });
+    pool_.post(
+        [this, alive = owner_.lock()] {
+          if (alive != nullptr) pull();
+        },
+        caller_);
   }
 
   void pull() {
@@ -123,7 +129,7 @@ class Pump {
       state_ = State::Writing;
       last_write_ = std::chrono::steady_clock::now();
       stream_.write(&response_);
-    } else if (poked_) {
+    } else if (poked_ || got == Pull::Again) {
       pull_soon();
     } else {
       state_ = State::Idle;
@@ -139,6 +145,7 @@ class Pump {
   Pool& pool_;
   const Limits& limits_;
   const Stream stream_;
+  const std::string caller_;
   std::mutex mutex_;
   std::weak_ptr<void> owner_;
   Source source_;

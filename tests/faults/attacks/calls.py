@@ -212,6 +212,25 @@ class Disk(Row):
         return f"{self.stored() >> 20} MiB of meshes and uploads are stored"
 
 
+class Downloads(Row):
+    """A hundred downloads at a time, of the last byte of each of eight files of 128 MiB, which must be hashed first."""
+
+    name = "downloads"
+    flags = ("--compress-after", "0")
+
+    def serve(self, attacked):
+        super().serve(attacked)
+        size = 8 << 20 if self.short else 128 << 20
+        self.sizes = {self.mallory.upload(random.Random(i).randbytes(1 << 20) * (size >> 20)): size for i in range(8)}
+
+    def attack(self):
+        calls = [self.mallory.meshes.DownloadMesh(service_pb2.DownloadMeshRequest(digest=digest, offset=self.sizes[digest] - 1),
+                                                  metadata=self.mallory.metadata, timeout=120)
+                 for digest in (*self.sizes,) * 12]
+        for call in calls:
+            assert sum(len(message.chunk.data) for message in call) == 1
+
+
 class Work(Row):
     """Jobs without an end, of the highest priority, a file with an element 400,000 times, and streams that stall."""
 
@@ -256,4 +275,4 @@ class Work(Row):
         return f"400,000 repeats of an element took {self.took:.1f} s"
 
 
-ROWS = [Memory, Ended, Texts, Disk, Work]
+ROWS = [Memory, Ended, Texts, Disk, Downloads, Work]

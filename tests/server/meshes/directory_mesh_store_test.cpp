@@ -12,6 +12,67 @@
 namespace varimesh::server::testing {
 namespace {
 
+/// Bytes that this process has read from files so far.
+std::int64_t bytes_read() {
+  std::ifstream io("/proc/self/io");
+  std::string name;
+  std::int64_t bytes = -1;
+  io >> name >> bytes;
+  return name == "rchar:" ? bytes : -1;
+}
+
+class ComparedFile : public ::testing::Test {
+ protected:
+  static constexpr std::int64_t kSize = std::int64_t{9} << 20, kLittle = std::int64_t{1} << 20;
+
+  ComparedFile() {
+    std::string name = ::testing::TempDir() + "varimesh-compared-XXXXXX";
+    folder_ = ::mkdtemp(name.data());
+    store_ = std::move(*DirectoryMeshStore::open_directory(folder_.string(), settings_with()));
+    digest_ = write(*store_, std::string(kSize, 'm')).digest;
+    // As if it had been written a while ago: otherwise a change in the same moment would have the same time.
+    std::filesystem::last_write_time(folder_ / digest_,
+                                     std::filesystem::file_time_type::clock::now() - std::chrono::minutes(1));
+  }
+  ~ComparedFile() override { std::filesystem::remove_all(folder_); }
+
+  /// How many bytes it takes to open a reader of the mesh.
+  std::int64_t cost() {
+    const std::int64_t before = bytes_read();
+    EXPECT_TRUE(store_->read(digest_));
+    return bytes_read() - before;
+  }
+
+  std::filesystem::path folder_;
+  std::unique_ptr<DirectoryMeshStore> store_;
+  std::string digest_;
+};
+
+TEST_F(ComparedFile, IsNotComparedAgain) {
+  EXPECT_GE(cost(), kSize);
+  EXPECT_LT(cost(), kLittle);
+}
+
+TEST_F(ComparedFile, IsComparedAgainAfterAChange) {
+  EXPECT_GE(cost(), kSize);
+  std::fstream(folder_ / digest_, std::ios::in | std::ios::out).seekp(kSize / 2).put('x');
+  const auto reader = store_->read(digest_);
+  ASSERT_FALSE(reader);
+  EXPECT_EQ(reader.error().code, Failure::Code::DataLoss);
+}
+
+TEST_F(ComparedFile, CanBeComparedInSteps) {
+  const auto check = store_->check(digest_);
+  ASSERT_NE(check, nullptr);
+  const std::int64_t before = bytes_read();
+  EXPECT_TRUE(check->step());
+  EXPECT_LT(bytes_read() - before, kSize / 2 + kLittle);
+  EXPECT_TRUE(check->step());
+  EXPECT_FALSE(check->step());
+  EXPECT_LT(cost(), kLittle);
+  EXPECT_EQ(store_->check(digest_), nullptr) << "there is nothing left to do";
+}
+
 TEST(DirectoryMeshStore, DropsAResultWithItsLastReference) {
   const auto store = new_store();
   const StoredBytes first = write(*store, "result"), second = write(*store, "result");

@@ -20,5 +20,19 @@ TEST(PoolConcurrency, RunsEveryTaskOnce) {
   for (const int count : runs) EXPECT_EQ(count, 1);
 }
 
+TEST(PoolConcurrency, LetsCallersTakeTurns) {
+  std::vector<std::string> order;
+  std::mutex begun;
+  begun.lock();
+  {
+    Pool pool(1);
+    pool.post([&] { const std::lock_guard lock(begun); });
+    for (int i = 0; i < 3; ++i) pool.post([&order, i] { order.push_back("mallory " + std::to_string(i)); }, "mallory");
+    for (int i = 0; i < 2; ++i) pool.post([&order, i] { order.push_back("ann " + std::to_string(i)); }, "ann");
+    begun.unlock();
+  }
+  EXPECT_EQ(order, (std::vector<std::string>{"mallory 0", "ann 0", "mallory 1", "ann 1", "mallory 2"}));
+}
+
 }  // namespace
 }  // namespace varimesh::server
