@@ -1,6 +1,7 @@
 // Threads that call a function at regular intervals.
 #include "server/upkeep.h"
 
+#include <malloc.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
@@ -94,6 +95,8 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
           std::exchange(watchdog.lost, nullptr)();
         }
       });
+  // Otherwise the process keeps what a flood of large messages took.
+  memory_ = std::make_unique<Ticker>(seconds(10), [] { ::malloc_trim(0); });
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
   compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {
     ::setpriority(PRIO_PROCESS, 0, 19);  // applies to this thread only: the running jobs go first

@@ -23,8 +23,8 @@ struct Watchdog {
 
 /// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
 /// the server's health, reads changed tokens and certificates, and fetches an issuer's keys (every second), dials the
-/// server (every 5 s), and deletes old meshes and compresses idle ones (every minute). Everything it is given must
-/// outlive it.
+/// server (every 5 s), gives memory back to the system (every 10 s), and deletes old meshes and compresses idle ones
+/// (every minute). Everything it is given must outlive it.
 class Upkeep {
  public:
   /// `tls`: null for a server that does not encrypt.
@@ -39,7 +39,7 @@ class Upkeep {
   class Ticker;
 
   std::atomic<bool> stopping_ = false;
-  std::unique_ptr<Ticker> streams_, jobs_, tokens_, keys_, certificates_, sweeping_, compression_, dialling_;
+  std::unique_ptr<Ticker> streams_, jobs_, tokens_, keys_, certificates_, memory_, sweeping_, compression_, dialling_;
 };
 
 }  // namespace varimesh::server

@@ -10,6 +10,7 @@
 #include "server/access/certificate_name.h"
 #include "server/access/page_tokens.h"
 #include "server/addresses.h"
+#include "server/api/requests.h"
 #include "server/limits.h"
 #include "server/meshes/mesh_store.h"
 #include "server/resources/pool.h"
@@ -56,19 +57,23 @@ inline Pool& pool_of(const ApiContext& api, Method method) {
   return method == Method::DownloadMesh || method == Method::GetResult ? api.files : api.pool;
 }
 
-/// Answers a unary call with the status of `work`, which gets what the caller may see. It runs on the pool because it
-/// may wait for a disk or a database.
-template <class Work>
-grpc::ServerUnaryReactor* unary(const ApiContext& api, grpc::CallbackServerContext* call, Method method, Work work) {
+/// Answers a unary call with the status of `work`, which gets what the caller may see, and the request. It runs on the
+/// pool because it may wait for a disk or a database. `most`: the largest request, in bytes.
+template <class Request, class Work>
+grpc::ServerUnaryReactor* unary(const ApiContext& api, grpc::CallbackServerContext* call, Method method,
+                                const grpc::ByteBuffer* bytes, Work work, std::size_t most = kMostRequestBytes) {
   grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
   auto view = admit(api, *call, method);
   if (!view)
     reactor->Finish(status(view.error()));
   else
     api.pool.post(
-        [reactor, view = *view, work = std::move(work)] {
+        [reactor, view = *view, bytes, most, work = std::move(work)] {
           const LogScope scope(view.caller().log_fields());
-          reactor->Finish(guarded([&] { return work(view); }));
+          reactor->Finish(guarded([&] {
+            const auto request = parse<Request>(*bytes, most);
+            return request ? work(view, *request) : status(request.error());
+          }));
         },
         view->caller().peer);
   return reactor;

@@ -16,7 +16,7 @@ namespace varimesh::server {
 /// of its services.
 class HealthService : public grpc::health::v1::Health::CallbackService {
  public:
-  explicit HealthService(const ApiContext& api) : api_(api), open_(api.limits.max_watches_per_peer) {}
+  explicit HealthService(const ApiContext& api);
 
   void set_serving(bool serving);
   bool serving() {
@@ -24,13 +24,11 @@ class HealthService : public grpc::health::v1::Health::CallbackService {
     return serving_;
   }
 
-  grpc::ServerUnaryReactor* Check(grpc::CallbackServerContext* call,
-                                  const grpc::health::v1::HealthCheckRequest* request,
-                                  grpc::health::v1::HealthCheckResponse* response) override;
-  grpc::ServerWriteReactor<grpc::health::v1::HealthCheckResponse>* Watch(
-      grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) override;
-
  private:
+  using Response = grpc::health::v1::HealthCheckResponse;
+  grpc::ServerUnaryReactor* check(grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
+                                  Response* response);
+  grpc::ServerWriteReactor<Response>* watch(grpc::CallbackServerContext* call, const grpc::ByteBuffer* request);
   grpc::health::v1::HealthCheckResponse::ServingStatus state(const std::string& service);
 
   const ApiContext& api_;

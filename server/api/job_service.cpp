@@ -18,6 +18,9 @@ bool is_interval(const google::protobuf::Duration& time) {
   return time.seconds() >= 0 && time.seconds() <= 3600 && time.nanos() >= 0 && time.nanos() < 1'000'000'000;
 }
 
+/// The largest request that submits a job, in bytes: as much as gRPC takes.
+constexpr std::size_t kMostSpecBytes = std::size_t{4} << 20;
+
 /// Answers with the job, or with the reason why there is none.
 template <class Response>
 grpc::Status answer(Answer<v1::Job> job, Response* response) {
@@ -43,28 +46,41 @@ void shorten(v1::Job& job) {
 
 }  // namespace
 
-grpc::ServerUnaryReactor* JobService::SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
-                                                v1::SubmitJobResponse* response) {
-  return unary(api_, call, Method::SubmitJob, [request, response](const CallersView& view) {
-    return answer(view.submit(request->request_id(), request->spec(), request->validate_only()), response);
-  });
+JobService::JobService(const ApiContext& api) : api_(api) {
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.SubmitJob"), unparsed(this, &JobService::submit));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.GetJob"), unparsed(this, &JobService::get));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.ListJobs"), unparsed(this, &JobService::list));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.CancelJob"), unparsed(this, &JobService::cancel));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.DeleteJob"), unparsed(this, &JobService::remove));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.WatchJob"), unparsed(this, &JobService::watch));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.GetResult"), unparsed(this, &JobService::result));
+  MarkMethodRawCallback(index_of("varimesh.v1.JobService.GetServerInfo"), unparsed(this, &JobService::info));
 }
 
-grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
-                                             v1::GetJobResponse* response) {
-  return unary(api_, call, Method::GetJob,
-               [request, response](const CallersView& view) { return answer(view.get(request->name()), response); });
+grpc::ServerUnaryReactor* JobService::submit(Call* call, const Request* bytes, v1::SubmitJobResponse* response) {
+  return unary<v1::SubmitJobRequest>(
+      api_, call, Method::SubmitJob, bytes,
+      [response](const CallersView& view, const v1::SubmitJobRequest& request) {
+        return answer(view.submit(request.request_id(), request.spec(), request.validate_only()), response);
+      },
+      kMostSpecBytes);
 }
 
-grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
-                                               v1::ListJobsResponse* response) {
-  return unary(api_, call, Method::ListJobs, [this, request, response](const CallersView& view) {
+grpc::ServerUnaryReactor* JobService::get(Call* call, const Request* bytes, v1::GetJobResponse* response) {
+  return unary<v1::GetJobRequest>(api_, call, Method::GetJob, bytes,
+                                  [response](const CallersView& view, const v1::GetJobRequest& request) {
+                                    return answer(view.get(request.name()), response);
+                                  });
+}
+
+grpc::ServerUnaryReactor* JobService::list(Call* call, const Request* bytes, v1::ListJobsResponse* response) {
+  const auto work = [this, response](const CallersView& view, const v1::ListJobsRequest& request) {
     JobFilter filter;
-    for (const int state : request->states()) filter.states.insert(static_cast<v1::JobState>(state));
-    filter.labels.insert(request->labels().begin(), request->labels().end());
-    const auto before = api_.pages.open(request->page_token(), view.caller());
+    for (const int state : request.states()) filter.states.insert(static_cast<v1::JobState>(state));
+    filter.labels.insert(request.labels().begin(), request.labels().end());
+    const auto before = api_.pages.open(request.page_token(), view.caller());
     if (!before) return status(before.error());
-    auto page = view.list(std::move(filter), request->page_size(), *before);
+    auto page = view.list(std::move(filter), request.page_size(), *before);
     if (!page) return status(page.error());
     for (v1::Job& job : page->jobs) {
       shorten(job);
@@ -72,25 +88,26 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call
     }
     response->set_next_page_token(api_.pages.seal(page->next_page_token, view.caller()));
     return grpc::Status::OK;
-  });
+  };
+  return unary<v1::ListJobsRequest>(api_, call, Method::ListJobs, bytes, work);
 }
 
-grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
-                                                v1::CancelJobResponse* response) {
-  return unary(api_, call, Method::CancelJob,
-               [request, response](const CallersView& view) { return answer(view.cancel(request->name()), response); });
+grpc::ServerUnaryReactor* JobService::cancel(Call* call, const Request* bytes, v1::CancelJobResponse* response) {
+  return unary<v1::CancelJobRequest>(api_, call, Method::CancelJob, bytes,
+                                     [response](const CallersView& view, const v1::CancelJobRequest& request) {
+                                       return answer(view.cancel(request.name()), response);
+                                     });
 }
 
-grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
-                                                v1::DeleteJobResponse*) {
-  return unary(api_, call, Method::DeleteJob, [request](const CallersView& view) {
-    const auto removed = view.remove(request->name());
-    return removed ? grpc::Status::OK : status(removed.error());
-  });
+grpc::ServerUnaryReactor* JobService::remove(Call* call, const Request* bytes, v1::DeleteJobResponse*) {
+  return unary<v1::DeleteJobRequest>(api_, call, Method::DeleteJob, bytes,
+                                     [](const CallersView& view, const v1::DeleteJobRequest& request) {
+                                       const auto removed = view.remove(request.name());
+                                       return removed ? grpc::Status::OK : status(removed.error());
+                                     });
 }
 
-grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::CallbackServerContext* call,
-                                                                     const v1::WatchJobRequest* request) {
+JobService::Stream<v1::WatchJobResponse>* JobService::watch(Call* call, const Request* bytes) {
   // The first pull looks the job up, on the pool.
   struct Watch {
     explicit Watch(const CallersView& callers) : view(callers) {}
@@ -100,19 +117,21 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::Callb
     std::weak_ptr<Listener> listener;
     std::optional<EventSource> events;
   };
-  using Stream = StreamOut<v1::WatchJobResponse>;
+  using Out = StreamOut<v1::WatchJobResponse>;
   auto watch = std::make_shared<std::shared_ptr<Watch>>();
-  return Stream::open(
+  return Out::open(
       api_, call, Method::WatchJob,
-      [this, request, watch](const CallersView& view) -> Answer<Stream::Source> {
+      [this, bytes, watch](const CallersView& view) -> Answer<Out::Source> {
+        auto request = parse<v1::WatchJobRequest>(*bytes);
+        if (!request) return tl::unexpected(request.error());
         if (!is_interval(request->min_interval()))
           return bad_request("The interval between iterations must be from 0 to 3600 seconds.");
         auto made = *watch = std::make_shared<Watch>(view);
-        made->request = *request;
+        made->request = std::move(*request);
         const std::string& peer = view.caller().peer;
         made->place = api_.watches.take(peer);
         if (made->place == nullptr) return peer_limit(peer, api_.watches.most(), "open watches");
-        return Stream::Source([this, made](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
+        return Out::Source([this, made](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
           if (!made->events) {
             auto log = made->view.events(made->request.name());
             *ended = log ? check_resumption(made->request, **log) : status(log.error());
@@ -135,43 +154,42 @@ grpc::Status JobService::check_resumption(const v1::WatchJobRequest& request, co
                 job ? &*job : nullptr);
 }
 
-grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::CallbackServerContext* call,
-                                                                       const v1::GetResultRequest* request) {
+JobService::Stream<v1::GetResultResponse>* JobService::result(Call* call, const Request* bytes) {
   // The first pull looks the job up, on the pool.
-  using Stream = StreamOut<v1::GetResultResponse>;
-  return Stream::open(
-      api_, call, Method::GetResult, [this, request](const CallersView& view) -> Answer<Stream::Source> {
-        const std::string& peer = view.caller().peer;
-        auto place = api_.downloads.take(peer);
-        if (place == nullptr) return peer_limit(peer, api_.downloads.most(), "open downloads");
-        auto result = std::make_shared<std::optional<ResultSource>>();
-        return Stream::Source(
-            [this, view, place = std::move(place), result, name = request->name(),
-             with_meshes = !request->without_meshes()](v1::GetResultResponse* response, bool, grpc::Status* ended) {
-              if (!*result) {
-                auto job = view.get(name);
-                if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
-                if (!job) {
-                  *ended = status(job.error());
-                  return Pull::End;
-                }
-                result->emplace(api_, std::move(*job), with_meshes);
-              }
-              ResultSource::Piece piece;
-              const auto got = (*result)->pull(&piece);
-              if (!got) *ended = status(got.error());
-              if (!got || *got != Pull::Message) return got.value_or(Pull::End);
-              if (piece.job) *response->mutable_job() = std::move(*piece.job);
-              if (piece.history) *response->mutable_history() = std::move(*piece.history);
-              if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
-              return Pull::Message;
-            });
-      });
+  using Out = StreamOut<v1::GetResultResponse>;
+  return Out::open(api_, call, Method::GetResult, [this, bytes](const CallersView& view) -> Answer<Out::Source> {
+    const auto request = parse<v1::GetResultRequest>(*bytes);
+    if (!request) return tl::unexpected(request.error());
+    const std::string& peer = view.caller().peer;
+    auto place = api_.downloads.take(peer);
+    if (place == nullptr) return peer_limit(peer, api_.downloads.most(), "open downloads");
+    auto result = std::make_shared<std::optional<ResultSource>>();
+    return Out::Source(
+        [this, view, place = std::move(place), result, name = request->name(),
+         with_meshes = !request->without_meshes()](v1::GetResultResponse* response, bool, grpc::Status* ended) {
+          if (!*result) {
+            auto job = view.get(name);
+            if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
+            if (!job) {
+              *ended = status(job.error());
+              return Pull::End;
+            }
+            result->emplace(api_, std::move(*job), with_meshes);
+          }
+          ResultSource::Piece piece;
+          const auto got = (*result)->pull(&piece);
+          if (!got) *ended = status(got.error());
+          if (!got || *got != Pull::Message) return got.value_or(Pull::End);
+          if (piece.job) *response->mutable_job() = std::move(*piece.job);
+          if (piece.history) *response->mutable_history() = std::move(*piece.history);
+          if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
+          return Pull::Message;
+        });
+  });
 }
 
-grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
-                                                    v1::GetServerInfoResponse* response) {
-  return unary(api_, call, Method::GetServerInfo, [this, response](const CallersView& view) {
+grpc::ServerUnaryReactor* JobService::info(Call* call, const Request* bytes, v1::GetServerInfoResponse* response) {
+  const auto work = [this, response](const CallersView& view, const v1::GetServerInfoRequest&) {
     response->set_version(std::string(version()));
     response->mutable_limits()->set_max_mesh_bytes(api_.limits.max_mesh_bytes);
     response->mutable_limits()->set_max_pending_jobs(api_.limits.max_pending_jobs);
@@ -196,7 +214,8 @@ grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext*
     response->set_pending_jobs(counts->pending);
     response->set_running_jobs(counts->running);
     return grpc::Status::OK;
-  });
+  };
+  return unary<v1::GetServerInfoRequest>(api_, call, Method::GetServerInfo, bytes, work);
 }
 
 }  // namespace varimesh::server

@@ -9,26 +9,22 @@ namespace varimesh::server {
 /// Handles the calls of JobService. The calls are documented in service.proto.
 class JobService : public v1::JobService::CallbackService {
  public:
-  explicit JobService(const ApiContext& api) : api_(api) {}
-
-  grpc::ServerUnaryReactor* SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
-                                      v1::SubmitJobResponse* response) override;
-  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
-                                   v1::GetJobResponse* response) override;
-  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
-                                     v1::ListJobsResponse* response) override;
-  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
-                                      v1::CancelJobResponse* response) override;
-  grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
-                                      v1::DeleteJobResponse* response) override;
-  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(grpc::CallbackServerContext* call,
-                                                           const v1::WatchJobRequest* request) override;
-  grpc::ServerWriteReactor<v1::GetResultResponse>* GetResult(grpc::CallbackServerContext* call,
-                                                             const v1::GetResultRequest* request) override;
-  grpc::ServerUnaryReactor* GetServerInfo(grpc::CallbackServerContext* call, const v1::GetServerInfoRequest* request,
-                                          v1::GetServerInfoResponse* response) override;
+  explicit JobService(const ApiContext& api);
 
  private:
+  using Call = grpc::CallbackServerContext;
+  using Request = grpc::ByteBuffer;
+  template <class Response>
+  using Stream = grpc::ServerWriteReactor<Response>;
+  grpc::ServerUnaryReactor* submit(Call* call, const Request* request, v1::SubmitJobResponse* response);
+  grpc::ServerUnaryReactor* get(Call* call, const Request* request, v1::GetJobResponse* response);
+  grpc::ServerUnaryReactor* list(Call* call, const Request* request, v1::ListJobsResponse* response);
+  grpc::ServerUnaryReactor* cancel(Call* call, const Request* request, v1::CancelJobResponse* response);
+  grpc::ServerUnaryReactor* remove(Call* call, const Request* request, v1::DeleteJobResponse* response);
+  Stream<v1::WatchJobResponse>* watch(Call* call, const Request* request);
+  Stream<v1::GetResultResponse>* result(Call* call, const Request* request);
+  grpc::ServerUnaryReactor* info(Call* call, const Request* request, v1::GetServerInfoResponse* response);
+
   /// Returns OUT_OF_RANGE if the watch cannot continue after the event that it asks for.
   grpc::Status check_resumption(const v1::WatchJobRequest& request, const EventLog& log);
 

@@ -175,6 +175,12 @@ grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
 
 }  // namespace
 
+MeshService::MeshService(const ApiContext& api) : api_(api) {
+  MarkMethodRawCallback(index_of("varimesh.v1.MeshService.QueryUpload"), unparsed(this, &MeshService::query));
+  MarkMethodRawCallback(index_of("varimesh.v1.MeshService.DeleteMesh"), unparsed(this, &MeshService::remove));
+  MarkMethodRawCallback(index_of("varimesh.v1.MeshService.DownloadMesh"), unparsed(this, &MeshService::download));
+}
+
 grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext* call,
                                                                         v1::UploadMeshResponse* response) {
   const auto upload = std::make_shared<Upload>(api_, *call, response);
@@ -187,28 +193,26 @@ grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService:
   return sending->open(sending);
 }
 
-grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* call,
-                                                   const v1::QueryUploadRequest* request,
-                                                   v1::QueryUploadResponse* response) {
-  return unary(api_, call, Method::QueryUpload, [request, response](const CallersView& view) {
-    const auto progress = view.query_upload(request->upload_id(), request->digest());
+grpc::ServerUnaryReactor* MeshService::query(Call* call, const Request* bytes, v1::QueryUploadResponse* response) {
+  const auto work = [response](const CallersView& view, const v1::QueryUploadRequest& request) {
+    const auto progress = view.query_upload(request.upload_id(), request.digest());
     if (!progress) return status(progress.error());
     response->set_committed_size(progress->committed);
     response->set_complete(progress->complete);
     return grpc::Status::OK;
-  });
+  };
+  return unary<v1::QueryUploadRequest>(api_, call, Method::QueryUpload, bytes, work);
 }
 
-grpc::ServerUnaryReactor* MeshService::DeleteMesh(grpc::CallbackServerContext* call,
-                                                  const v1::DeleteMeshRequest* request, v1::DeleteMeshResponse*) {
-  return unary(api_, call, Method::DeleteMesh, [request](const CallersView& view) {
-    const auto removed = view.remove_mesh(request->digest());
+grpc::ServerUnaryReactor* MeshService::remove(Call* call, const Request* bytes, v1::DeleteMeshResponse*) {
+  const auto work = [](const CallersView& view, const v1::DeleteMeshRequest& request) {
+    const auto removed = view.remove_mesh(request.digest());
     return removed ? grpc::Status::OK : status(removed.error());
-  });
+  };
+  return unary<v1::DeleteMeshRequest>(api_, call, Method::DeleteMesh, bytes, work);
 }
 
-grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(grpc::CallbackServerContext* call,
-                                                                              const v1::DownloadMeshRequest* request) {
+grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::download(Call* call, const Request* bytes) {
   struct State {
     std::shared_ptr<const void> place;  // among the open downloads of the caller
     std::optional<std::unique_ptr<BlobCheck>> check;
@@ -218,12 +222,14 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(gr
   };
   using Stream = StreamOut<v1::DownloadMeshResponse>;
   return Stream::open(
-      api_, call, Method::DownloadMesh, [this, request](const CallersView& view) -> Answer<Stream::Source> {
+      api_, call, Method::DownloadMesh, [this, bytes](const CallersView& view) -> Answer<Stream::Source> {
+        auto request = parse<v1::DownloadMeshRequest>(*bytes);
+        if (!request) return tl::unexpected(request.error());
         auto state = std::make_shared<State>();
         const std::string& peer = view.caller().peer;
         state->place = api_.downloads.take(peer);
         if (state->place == nullptr) return peer_limit(peer, api_.downloads.most(), "open downloads");
-        state->request = *request;
+        state->request = std::move(*request);
         // The first pull opens the mesh, on the pool.
         return Stream::Source([view, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
           const std::int64_t offset = state->request.offset();

@@ -101,6 +101,29 @@ class Memory(Row):
         return f"{sum(len(chunk.data) for chunk in self.chunks)} bytes of zstd are {len(self.parts) >> 20} MiB of parts; {self.sentence!r}"
 
 
+class Strangers(Row):
+    """Thirty-two connections without a token, which send 4 MiB of fields that nobody knows again and again."""
+
+    name = "strangers"
+
+    def serve(self, attacked):
+        super().serve(attacked)
+        self.bomb = b"\xfa\xff\x03\x00" * ((4 << 20) // 4 - 16)
+        self.channels = [grpc.insecure_channel(attacked.address, [("grpc.use_local_subchannel_pool", 1)]) for _ in range(32)]
+
+    def attack(self):
+        for method, code in (("/varimesh.v1.JobService/GetJob", grpc.StatusCode.UNAUTHENTICATED),
+                             ("/grpc.health.v1.Health/Check", grpc.StatusCode.INVALID_ARGUMENT)):
+            calls = [channel.unary_unary(method, request_serializer=bytes).future(self.bomb, timeout=60) for channel in self.channels]
+            for call in calls:
+                assert call.exception().code() == code, call.exception()
+
+    def end(self):
+        for channel in self.channels:
+            channel.close()
+        super().end()
+
+
 class Ended(Row):
     """More jobs than the server remembers of an owner."""
 
@@ -275,4 +298,4 @@ class Work(Row):
         return f"400,000 repeats of an element took {self.took:.1f} s"
 
 
-ROWS = [Memory, Ended, Texts, Disk, Downloads, Work]
+ROWS = [Memory, Strangers, Ended, Texts, Disk, Downloads, Work]

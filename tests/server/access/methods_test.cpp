@@ -6,14 +6,15 @@
 #include <algorithm>
 
 #include "server/access/rights.h"
+#include "server/api/requests.h"
 #include "tests/server/access/owners.h"
 
 namespace varimesh::server::testing {
 namespace {
 
-/// Returns the status of a call with an empty message, and closes the stream.
+/// Returns the status of a call with one message, and closes the stream.
 grpc::Status call_by_name(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                          const std::string& token) {
+                          const std::string& token, const std::string& message = "") {
   grpc::GenericStub stub(channel);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
@@ -27,8 +28,8 @@ grpc::Status call_by_name(const std::shared_ptr<grpc::Channel>& channel, const s
   };
   call->StartCall(&queue);
   wait();
-  grpc::Slice empty;
-  call->WriteLast(grpc::ByteBuffer(&empty, 1), grpc::WriteOptions(), &queue);
+  grpc::Slice bytes(message);
+  call->WriteLast(grpc::ByteBuffer(&bytes, 1), grpc::WriteOptions(), &queue);
   wait();
   grpc::ByteBuffer answer;
   do {
@@ -38,6 +39,13 @@ grpc::Status call_by_name(const std::shared_ptr<grpc::Channel>& channel, const s
   call->Finish(&status, &queue);
   wait();
   return status;
+}
+
+/// "/varimesh.v1.JobService/GetJob" as descriptors have it.
+std::string name_of(const std::string& method) {
+  std::string name = method.substr(1);
+  std::ranges::replace(name, '/', '.');
+  return name;
 }
 
 std::vector<std::string> all_methods() {
@@ -60,6 +68,27 @@ TEST_F(Owners, AreAskedByEveryMethod) {
     EXPECT_NE(admitted, grpc::StatusCode::UNAUTHENTICATED) << method;
     EXPECT_NE(admitted, grpc::StatusCode::PERMISSION_DENIED) << method;
   }
+}
+
+TEST_F(Owners, AreAskedBeforeTheirRequestIsParsed) {
+  const std::string garbage = "\xff\xff", health = "/grpc.health.v1.Health/";
+  std::string unknown;
+  while (unknown.size() <= kMostRequestBytes)
+    unknown += "\xfa\xff\x03\x00";  // a field that nobody knows, without bytes
+  for (const std::string& method : all_methods()) {
+    for (const std::string& message : {garbage, unknown})
+      EXPECT_EQ(info_of(call_by_name(service_->channel, method, "", message)).reason(), "TOKEN_MISSING") << method;
+    const auto* described = google::protobuf::DescriptorPool::generated_pool()->FindMethodByName(name_of(method));
+    ASSERT_NE(described, nullptr) << method;
+    if (described->client_streaming()) continue;  // it reads its first message when it knows who calls
+    EXPECT_EQ(info_of(call_by_name(service_->channel, method, kOperator, garbage)).reason(), "BAD_REQUEST") << method;
+    const grpc::Status large = call_by_name(service_->channel, method, kOperator, unknown);
+    const bool is_too_large = large.error_message().find("may have 65536") != std::string::npos;
+    EXPECT_EQ(is_too_large, method != "/varimesh.v1.JobService/SubmitJob") << method << large.error_message();
+  }
+  for (const std::string& method : {health + "Check", health + "Watch"})
+    for (const std::string& message : {garbage, unknown})
+      EXPECT_EQ(info_of(call_by_name(service_->channel, method, "", message)).reason(), "BAD_REQUEST") << method;
 }
 
 TEST_F(Owners, TheTableHasEveryMethodAndTheHandlersUseIt) {

@@ -243,11 +243,14 @@ TEST(List, RefusesUnknownStatesAndTooManyLabels) {
     EXPECT_EQ(info_of(list(request)).reason(), "BAD_REQUEST") << state;
   }
   v1::ListJobsRequest request;
-  for (int i = 0; i < 100'000; ++i) request.add_states(v1::JOB_STATE_PENDING);
+  for (int i = 0; i < 60'000; ++i) request.add_states(v1::JOB_STATE_PENDING);
   for (int i = 0; i < 32; ++i) (*request.mutable_labels())[std::to_string(i)] = "value";
   EXPECT_TRUE(list(request).ok());
   (*request.mutable_labels())["one more"] = "value";
   EXPECT_EQ(info_of(list(request)).reason(), "BAD_REQUEST");
+  request.clear_labels();
+  for (int i = 0; i < 10'000; ++i) request.add_states(v1::JOB_STATE_PENDING);
+  EXPECT_EQ(info_of(list(request)).reason(), "BAD_REQUEST") << "more than 64 KiB";
 }
 
 }  // namespace
