@@ -43,6 +43,7 @@ class Making {
     faces.order = mesh_.order;
     faces.coordinates = mesh_.coordinates;
     faces.node_numbers = mesh_.node_numbers;
+    faces.periodic = mesh_.periodic;
     faces.node_blocks = {{-1, 0, 0, static_cast<std::int32_t>(mesh_.node_count())}};
     BoundingBox box;
     for (const BoundaryFacet& facet : parts_.facets)

@@ -9,6 +9,7 @@
 #include "core/geometry/closest_point.h"
 #include "core/slide/between_nodes.h"
 #include "core/slide/entity_newton.h"
+#include "core/slide/periodic_pairs.h"
 
 namespace varimesh {
 namespace {
@@ -361,7 +362,18 @@ std::string SlideReport::sentence(double size) const {
 
 SlideReport slide(HighOrderMesh& mesh, Association& association, SlideOn what, const std::vector<bool>& fixed,
                   const Team& team) {
-  return Sliding(mesh, association, fixed, team).run(what);
+  const detail::PeriodicPairs pairs(mesh, association.size);
+  if (!pairs.any()) return Sliding(mesh, association, fixed, team).run(what);
+  const std::vector<double> coordinates = mesh.coordinates;
+  const Association start = association;
+  std::vector<bool> stays = fixed;
+  while (true) {
+    const SlideReport report = Sliding(mesh, association, stays, team).run(what);
+    pairs.put_on_images(mesh, association, stays);
+    if (!pairs.fix_broken(mesh.coordinates, stays)) return report;
+    mesh.coordinates = coordinates;
+    association = start;
+  }
 }
 
 }  // namespace varimesh

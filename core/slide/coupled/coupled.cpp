@@ -14,6 +14,7 @@
 #include "core/quality/certified_quality.h"
 #include "core/slide/coupled/coupled_newton.h"
 #include "core/slide/coupled/hold_back.h"
+#include "core/slide/periodic_pairs.h"
 #include "core/slide/slide.h"
 #include "core/validity/certifier.h"
 #include "core/validity/orientation.h"
@@ -269,7 +270,10 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
   team.run([&] {
     const Distance start = distance_of(mesh, association, fixed, team);
     report = slide(mesh, association, SlideOn::All, fixed, team);
-    energies.emplace(mesh, association, as_it_came, fixed, team);
+    // Two sides of a period would be moved by different cells.
+    std::vector<bool> stays = fixed;
+    PeriodicPairs(mesh, association.size).fix_all(stays);
+    energies.emplace(mesh, association, as_it_came, stays, team);
     descent.emplace(*energies, mesh, limits.seconds, team);
     inside = descent->inside();
     const double rounding = kRounding * association.size;

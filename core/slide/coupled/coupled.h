@@ -39,17 +39,19 @@ struct CoupledLimits {
 /// slide() with SlideOn::All, and then Newton's method for all nodes together (coupled_newton.h), with the targets of
 /// the mesh as it came on the boundary, and as it has slid inside.
 ///
-/// First only nodes inside the mesh move; what comes of this is what bottom-up sliding can give. Then all move. Of the
-/// states on the way, the one with the fewest weak cells is taken: those that are not certified valid, or whose scaled
-/// Jacobian is below .02. If several are equal, it is the one with the fewest cells that are not certified valid, and
-/// then the one with the highest proved scaled Jacobian. Neither the largest nor the rms distance between boundary and
-/// geometry may exceed `tolerance` there, or what bottom-up sliding has left if that is more; with tolerance 0, neither
-/// may exceed twice that of the mesh as it came. This holds for all surfaces together, and for all edges on curves
-/// together; with tolerance 0, these may lie as far from their curves as the elements from their surfaces. No more
-/// elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
-/// distances, states a part of the way to it are tried, and one in which the boundary is held back only where it
-/// exceeds them (hold_back.h), from where the nodes inside move once more. Then the boundary's energy gets a higher
-/// weight. If weak cells are left after all that, it is done once more from the start, with a δ that falls faster.
+/// Nodes of periodic links stay where bottom-up sliding has left them, because different cells would move the two sides
+/// of a period. First only nodes inside the mesh move; what comes of this is what bottom-up sliding can give. Then all
+/// move. Of the states on the way, the one with the fewest weak cells is taken: those that are not certified valid, or
+/// whose scaled Jacobian is below .02. If several are equal, it is the one with the fewest cells that are not certified
+/// valid, and then the one with the highest proved scaled Jacobian. Neither the largest nor the rms distance between
+/// boundary and geometry may exceed `tolerance` there, or what bottom-up sliding has left if that is more; with
+/// tolerance 0, neither may exceed twice that of the mesh as it came. This holds for all surfaces together, and for all
+/// edges on curves together; with tolerance 0, these may lie as far from their curves as the elements from their
+/// surfaces. No more elements may be folded than after bottom-up sliding. If the state to which Newton's method comes
+/// exceeds these distances, states a part of the way to it are tried, and one in which the boundary is held back only
+/// where it exceeds them (hold_back.h), from where the nodes inside move once more. Then the boundary's energy gets a
+/// higher weight. If weak cells are left after all that, it is done once more from the start, with a δ that falls
+/// faster.
 ///
 /// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
 /// certified valid, or as many of both with a larger smallest and mean scaled Jacobian, each after nodes inside the
