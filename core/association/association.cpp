@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
+#include <memory>
 #include <optional>
+#include <set>
 
 #include "core/association/file_parameters.h"
 #include "core/association/match.h"
@@ -221,37 +222,57 @@ void judge_parameters(const Placing& placing, Association& result) {
   }
 }
 
-void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team& team, Association& result) {
-  std::map<int, int> surface_of;
-  for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
+/// By node: the sorted surfaces on whose elements it lies, with −1 before them if one of the elements lies on none.
+std::vector<std::vector<int>> surfaces_by_node(const HighOrderMesh& mesh, const Association& association) {
   std::vector<std::vector<int>> surfaces(mesh.node_count());
-  for (std::size_t node = 0; node < tags.size(); ++node) {
-    bool sure = !tags[node].empty();
-    for (const int tag : tags[node]) sure = sure && surface_of[tag] >= 0;
-    if (!sure) continue;
-    for (const int tag : tags[node]) surfaces[node].push_back(surface_of[tag]);
-    std::ranges::sort(surfaces[node]);
-    const auto repeated = std::ranges::unique(surfaces[node]);
-    surfaces[node].erase(repeated.begin(), repeated.end());
-    for (const int s : surfaces[node])
-      result.surfaces[static_cast<std::size_t>(s)].nodes.push_back(static_cast<std::int32_t>(node));
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const std::vector<int>& of = association.surface_of_element[b];
+    const std::size_t stride = of.empty() ? 0 : mesh.blocks[b].nodes.size() / of.size();
+    for (std::size_t k = 0; k < of.size() * stride; ++k) {
+      std::vector<int>& own = surfaces[static_cast<std::size_t>(mesh.blocks[b].nodes[k])];
+      const auto place = std::ranges::lower_bound(own, of[k / stride]);
+      if (place == own.end() || *place != of[k / stride]) own.insert(place, of[k / stride]);
+    }
   }
+  return surfaces;
+}
+
+/// By surface: the tags of the mesh's surfaces whose elements lie on it.
+std::vector<std::vector<int>> tags_by_surface(const HighOrderMesh& mesh, const Association& association) {
+  std::vector<std::set<int>> tags(association.geometry.surfaces.size());
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
+    for (const int s : association.surface_of_element[b])
+      if (s >= 0) tags[static_cast<std::size_t>(s)].insert(mesh.blocks[b].entity);
+  std::vector<std::vector<int>> result;
+  for (const std::set<int>& of : tags) result.emplace_back(of.begin(), of.end());
+  return result;
+}
+
+/// Returns the tags of the mesh's surfaces that have nodes elsewhere than on the surface on which they should lie.
+std::vector<int> place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team& team,
+                             Association& result) {
+  const auto surfaces = surfaces_by_node(mesh, result);
+  const auto tags_on = tags_by_surface(mesh, result);
+  result.surfaces.assign(result.geometry.surfaces.size(), {});
+  result.held.clear();
+  for (std::size_t node = 0; node < surfaces.size(); ++node)
+    for (const int s : surfaces[node])
+      if (s >= 0) result.surfaces[static_cast<std::size_t>(s)].nodes.push_back(static_cast<std::int32_t>(node));
   const Placing placing(mesh, result);
   const std::vector<bool> border = detail::border_nodes(mesh);
   result.nodes.assign(mesh.node_count(), {});
   team.for_each(static_cast<std::int32_t>(mesh.node_count()), 64, [&](std::int32_t node) {
     const std::vector<int>& on = surfaces[static_cast<std::size_t>(node)];
-    if (on.size() > 1 || (on.size() == 1 && border[static_cast<std::size_t>(node)]))
+    if (on.empty() || on.front() < 0) return;
+    if (on.size() > 1 || border[static_cast<std::size_t>(node)])
       result.nodes[static_cast<std::size_t>(node)] = placing.entity(node, on);
   });
   team.for_each(static_cast<std::int32_t>(result.surfaces.size()), 1, [&](std::int32_t s) {
     SurfaceNodes& own = result.surfaces[static_cast<std::size_t>(s)];
     if (own.nodes.empty()) return;
     const geometry::SurfaceShape& shape = *result.geometry.surfaces[static_cast<std::size_t>(s)].shape;
-    std::vector<int> own_tags;
-    for (const SurfaceMatch& match : result.matches)
-      if (match.surface == s) own_tags.push_back(match.tag);
-    const auto feet = feet_of(placing, shape, own.nodes, own_tags, kMatchTolerance * result.size, team);
+    const auto feet =
+        feet_of(placing, shape, own.nodes, tags_on[static_cast<std::size_t>(s)], kMatchTolerance * result.size, team);
     for (std::size_t i = 0; i < own.nodes.size(); ++i) {
       const std::int32_t node = own.nodes[i];
       const geometry::SurfaceFoot& foot = feet[i];
@@ -263,10 +284,45 @@ void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team
         entity = {2, s, foot.distance, {foot.u, foot.v}};
     }
   });
-  for (std::size_t node = 0; node < tags.size(); ++node)
-    if (!tags[node].empty() && result.nodes[node].dimension < 0) result.held.push_back(static_cast<std::int32_t>(node));
+  std::set<int> astray;
+  for (std::size_t node = 0; node < tags.size(); ++node) {
+    if (tags[node].empty() || result.nodes[node].dimension >= 0) continue;
+    result.held.push_back(static_cast<std::int32_t>(node));
+    if (surfaces[node].size() == 1 && surfaces[node].front() >= 0 && !border[node])
+      astray.insert(tags[node].begin(), tags[node].end());
+  }
+  result.by_parameters = 0;
+  result.misled.clear();
   judge_parameters(placing, result);
+  return {astray.begin(), astray.end()};
 }
+
+/// Matches the mesh with the geometry in another unit of length.
+/// @param geometry  without what bodies repeat
+/// @param part_of   Repeated::part_of
+struct Attempt {
+  Attempt(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Geometry& geometry,
+          const std::vector<std::vector<int>>& part_of, double factor, double tolerance, const Team& team)
+      : factor(factor),
+        geometry(std::make_unique<Geometry>(factor == 1 ? geometry : geometry::scaled(geometry, factor))),
+        candidates(std::make_unique<detail::Candidates>(*this->geometry, part_of, team)),
+        matching(detail::match_surfaces(mesh, tags, *candidates, tolerance, team)) {}
+
+  std::int64_t elements() const {
+    std::int64_t sum = 0;
+    for (const SurfaceMatch& match : matching.matches) sum += match.elements;
+    return sum;
+  }
+  /// How many surfaces of the mesh match.
+  std::ptrdiff_t surfaces() const {
+    return std::ranges::count_if(matching.matches, [](const SurfaceMatch& one) { return one.on_none < one.elements; });
+  }
+
+  double factor;
+  std::unique_ptr<Geometry> geometry;  ///< To which the candidates refer.
+  std::unique_ptr<detail::Candidates> candidates;
+  detail::Matching matching;
+};
 
 }  // namespace
 
@@ -282,28 +338,33 @@ Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geome
     return bad_input(
         "The mesh has no elements on its surfaces, so it cannot be matched with a geometry. Write it with all elements "
         "(in Gmsh: Mesh.SaveAll, or physical groups of the surfaces).");
-  const double geometry_size = geometry::size(geometry);
-  result.factor = unit_factor(result.size, geometry_size);
-  result.geometry = result.factor == 1 ? geometry : geometry::scaled(geometry, result.factor);
-  result.surfaces.resize(geometry.surfaces.size());
-  result.matches = detail::match_surfaces(mesh, tags, result.geometry, kMatchTolerance * result.size, team);
-  const std::ptrdiff_t matched =
-      std::ranges::count_if(result.matches, [](const SurfaceMatch& match) { return match.surface >= 0; });
+  const double geometry_size = geometry::size(geometry), tolerance = kMatchTolerance * result.size;
+  Geometry once = geometry;
+  const detail::Repeated repeated = detail::merge_repeated(once, kVertexTolerance * geometry_size, team);
+  result.repeated = repeated.surfaces;
+  Attempt best(mesh, tags, once, repeated.part_of, 1, tolerance, team);
+  const double factor = unit_factor(result.size, geometry_size);
+  if (factor != 1 && best.matching.matched < best.elements()) {
+    Attempt other(mesh, tags, once, repeated.part_of, factor, tolerance, team);
+    if (other.matching.matched > best.matching.matched) best = std::move(other);
+  }
   // Parts of another size may match by chance, a plane for example. Then the factor is no unit.
-  const bool is_another = result.factor != 1 && 2 * matched < std::ssize(result.matches);
-  if (matched == 0 || is_another)
+  const auto all = std::ssize(best.matching.matches), matched = best.surfaces();
+  if (matched == 0 || (best.factor != 1 && 2 * matched < all))
     return bad_input(
-        (matched == 0
-             ? "No surface"
-             : "Only " + std::to_string(matched) + " of " + std::to_string(result.matches.size()) + " surfaces") +
+        (matched == 0 ? "No surface" : "Only " + std::to_string(matched) + " of " + std::to_string(all) + " surfaces") +
         " of the mesh " + (matched > 1 ? "lie" : "lies") + " on a surface of the geometry. The mesh is " +
         detail::number_text(result.size) + " across and the geometry " + detail::number_text(geometry_size) +
         "; check that they belong together and have the same origin and unit of length.");
-  std::map<int, int> surface_of;
-  for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
-  for (const ElementBlock& block : mesh.blocks)
-    result.surface_of_block.push_back(reference::info(block.shape).dimension == 2 ? surface_of[block.entity] : -1);
-  place_nodes(mesh, tags, team, result);
+  result.factor = best.factor;
+  result.geometry = *best.geometry;
+  result.matches = std::move(best.matching.matches);
+  result.surface_of_element = std::move(best.matching.surface_of_element);
+  const std::vector<int> astray = place_nodes(mesh, tags, team, result);
+  if (astray.empty()) return result;
+  const auto before = result.surface_of_element;
+  detail::match_elements(mesh, astray, *best.candidates, tolerance, team, result.surface_of_element);
+  if (result.surface_of_element != before) place_nodes(mesh, tags, team, result);
   return result;
 }
 

@@ -19,6 +19,10 @@ std::string entity_text(const Association& association, const NodeEntity& entity
 }
 
 std::string unmatched_text(const Association& association, const SurfaceMatch& match) {
+  if (match.on_none < match.elements)
+    return std::to_string(match.on_none) + " of the " + std::to_string(match.elements) + " elements of surface " +
+           std::to_string(match.tag) +
+           " of the mesh lie on no surface of the geometry for sure, so their nodes stay where they are.";
   if (match.rival >= 0)
     return "Surface " + std::to_string(match.tag) + " of the mesh lies on " +
            association.geometry.surfaces[static_cast<std::size_t>(match.rival)].text() +
@@ -42,10 +46,11 @@ std::string parameters_text(const HighOrderMesh& mesh, const Association& associ
 
 std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& association, double tolerance) {
   std::vector<std::string> sentences;
-  std::size_t by_tag = 0, by_distance = 0;
+  std::size_t by_tag = 0, by_distance = 0, by_elements = 0;
   for (const SurfaceMatch& match : association.matches) {
     by_tag += match.by_tag ? 1 : 0;
     by_distance += !match.by_tag && match.surface >= 0 ? 1 : 0;
+    by_elements += match.surface < 0 && match.on_none < match.elements ? 1 : 0;
   }
   std::array<std::size_t, 3> on{};
   std::vector<std::pair<double, std::size_t>> off;
@@ -57,11 +62,16 @@ std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& 
     largest = std::max(largest, entity.distance);
     if (entity.distance > tolerance * association.size) off.emplace_back(-entity.distance, node);
   }
-  sentences.push_back("Geometry: " + std::to_string(by_tag + by_distance) + " of " +
+  sentences.push_back("Geometry: " + std::to_string(by_tag + by_distance + by_elements) + " of " +
                       std::to_string(association.matches.size()) + " surfaces of the mesh matched (" +
-                      std::to_string(by_tag) + " by tag, " + std::to_string(by_distance) + " by distance); " +
+                      std::to_string(by_tag) + " by tag, " + std::to_string(by_distance) + " by distance" +
+                      (by_elements > 0 ? ", " + std::to_string(by_elements) + " element by element" : "") + "); " +
                       std::to_string(on[0]) + " nodes on vertices, " + std::to_string(on[1]) + " on curves, " +
                       std::to_string(on[2]) + " on surfaces, at most " + number_text(largest) + " from them.");
+  if (association.repeated > 0)
+    sentences.push_back("Bodies of the geometry touch: " + std::to_string(association.repeated) +
+                        (association.repeated == 1 ? " surface is" : " surfaces are") +
+                        " there twice and counted once.");
   if (association.factor != 1)
     sentences.push_back("Lengths in the mesh are " + number_text(association.factor) +
                         " times those in the geometry, which was scaled.");
@@ -69,7 +79,7 @@ std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& 
     sentences.push_back(parameters_text(mesh, association));
   std::size_t unmatched = 0;
   for (const SurfaceMatch& match : association.matches)
-    if (match.surface < 0 && ++unmatched <= kShown) sentences.push_back(unmatched_text(association, match));
+    if (match.on_none > 0 && ++unmatched <= kShown) sentences.push_back(unmatched_text(association, match));
   if (unmatched > kShown) sentences.push_back("and " + std::to_string(unmatched - kShown) + " more surfaces.");
   if (!association.held.empty())
     sentences.push_back(std::to_string(association.held.size()) +

@@ -4,10 +4,9 @@
 #include <cstdio>
 #include <limits>
 #include <map>
-#include <memory>
+#include <set>
 #include <utility>
 
-#include "core/geometry/closest_point.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::detail {
@@ -23,29 +22,20 @@ struct Fit {
   int surface = -1;             ///< Index in Geometry::surfaces.
 };
 
-/// A surface of the geometry, and how well samples fit it.
-class Candidate {
- public:
-  explicit Candidate(const geometry::Surface& surface) : shape_(surface.shape.get()), search_(*surface.shape) {}
-
-  /// The distance is infinite if a sample is farther than `limit`, or if half of them or more lie outside the surface's
-  /// boundary.
-  Fit fit(const std::vector<Eigen::Vector3d>& samples, double limit) const {
-    Fit fit;
-    fit.distance = 0;
-    for (const Eigen::Vector3d& x : samples) {
-      const geometry::SurfaceFoot foot = search_.closest(x);
-      if (!(foot.distance <= limit)) return {};
-      fit.distance = std::max(fit.distance, foot.distance);
-      if (!shape_->contains(foot.u, foot.v) && 2 * ++fit.outside >= samples.size()) return {};
-    }
-    return fit;
+/// The distance is infinite if a sample is farther than `limit`, or if half of them or more lie outside the surface's
+/// boundary.
+Fit fit_of(const Candidates& candidates, std::size_t s, const std::vector<Eigen::Vector3d>& samples, double limit) {
+  Fit fit;
+  fit.distance = 0;
+  fit.surface = static_cast<int>(s);
+  for (const Eigen::Vector3d& x : samples) {
+    const geometry::SurfaceFoot foot = candidates.closest(s, x);
+    if (!(foot.distance <= limit)) return {};
+    fit.distance = std::max(fit.distance, foot.distance);
+    if (!candidates.surface(s).shape->contains(foot.u, foot.v) && 2 * ++fit.outside >= samples.size()) return {};
   }
-
- private:
-  const geometry::SurfaceShape* shape_;
-  geometry::SurfaceSearch search_;
-};
+  return fit;
+}
 
 /// By tag: up to kSamples nodes that belong to no other surface, or to few if there are none.
 std::map<int, std::vector<Eigen::Vector3d>> samples_by_tag(const HighOrderMesh& mesh, const NodeSurfaces& tags) {
@@ -68,26 +58,25 @@ std::map<int, std::vector<Eigen::Vector3d>> samples_by_tag(const HighOrderMesh& 
   return samples;
 }
 
-SurfaceMatch match(int tag, const std::vector<Eigen::Vector3d>& samples, const geometry::Geometry& geometry,
-                   const std::vector<std::unique_ptr<Candidate>>& candidates, double tolerance) {
+SurfaceMatch match(int tag, const std::vector<Eigen::Vector3d>& samples, const Candidates& candidates,
+                   double tolerance) {
   SurfaceMatch result;
   result.tag = tag;
   // Nodes of a mesh generator lie within its tolerance of the surface. Only then does an equal tag decide.
   const double close = 1e-3 * tolerance;
-  for (std::size_t s = 0; s < candidates.size(); ++s) {
-    if (geometry.surfaces[s].tag != tag) continue;
-    result.distance = candidates[s]->fit(samples, close).distance;
+  for (std::size_t s = 0; s < candidates.count(); ++s) {
+    if (candidates.surface(s).tag != tag) continue;
+    result.distance = fit_of(candidates, s, samples, close).distance;
     if (result.distance > close) continue;
     result.surface = static_cast<int>(s);
     result.by_tag = true;
     return result;
   }
   std::vector<Fit> fits;
-  for (std::size_t s = 0; s < candidates.size(); ++s) {
+  for (std::size_t s = 0; s < candidates.count(); ++s) {
     const double least = fits.empty() ? tolerance : fits.front().distance;
-    Fit fit = candidates[s]->fit(samples, std::min(tolerance, 2 * least + close));
+    const Fit fit = fit_of(candidates, s, samples, std::min(tolerance, 2 * least + close));
     if (fit.distance == kInfinity) continue;
-    fit.surface = static_cast<int>(s);
     fits.push_back(fit);
     std::ranges::stable_sort(fits, {}, &Fit::distance);
   }
@@ -97,12 +86,51 @@ SurfaceMatch match(int tag, const std::vector<Eigen::Vector3d>& samples, const g
   }
   std::erase_if(fits, [most = 2 * fits.front().distance + close](const Fit& one) { return one.distance > most; });
   // Nodes between elements of one surface lie inside its boundary, so a rival that has some of them outside is wrong.
-  const auto inside = std::ranges::find(fits, std::size_t{0}, &Fit::outside);
-  const bool only_one = inside != fits.end() && std::ranges::count(fits, std::size_t{0}, &Fit::outside) == 1;
-  const Fit& best = only_one ? *inside : fits.front();
+  std::vector<int> inside;
+  for (const Fit& one : fits)
+    if (one.outside == 0) inside.push_back(one.surface);
+  candidates.keep_parts(inside);
+  const bool only_one = inside.size() == 1;
+  const Fit& best = only_one ? *std::ranges::find(fits, inside.front(), &Fit::surface) : fits.front();
   result.distance = best.distance;
   (only_one || fits.size() == 1 ? result.surface : result.rival) = best.surface;
   return result;
+}
+
+/// Counts what lies on no surface.
+void count_elements(const HighOrderMesh& mesh, Matching& result) {
+  std::map<int, SurfaceMatch*> match_of;
+  for (SurfaceMatch& match : result.matches) {
+    match_of[match.tag] = &match;
+    match.elements = match.on_none = 0;
+  }
+  result.matched = 0;
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const std::vector<int>& surfaces = result.surface_of_element[b];
+    if (surfaces.empty()) continue;
+    SurfaceMatch& match = *match_of.at(mesh.blocks[b].entity);
+    const std::int64_t none = std::ranges::count(surfaces, -1);
+    match.elements += std::ssize(surfaces);
+    match.on_none += none;
+    result.matched += std::ssize(surfaces) - none;
+  }
+}
+
+/// A few elements may lie on a surface by chance: on a plane, for example, to which another body reaches. So the
+/// elements of a surface of the mesh count only if half of them lie on the geometry, or if they lie on several surfaces
+/// of it.
+void forget_chance(const HighOrderMesh& mesh, const std::vector<std::vector<int>>& whole, Matching& result) {
+  for (const SurfaceMatch& match : result.matches) {
+    if (match.surface >= 0 || 2 * match.on_none <= match.elements) continue;
+    std::set<int> on;
+    for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
+      if (mesh.blocks[b].entity == match.tag)
+        on.insert(result.surface_of_element[b].begin(), result.surface_of_element[b].end());
+    on.erase(-1);
+    if (on.size() > 1) continue;
+    for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
+      if (mesh.blocks[b].entity == match.tag) result.surface_of_element[b] = whole[b];
+  }
 }
 
 }  // namespace
@@ -148,22 +176,57 @@ std::vector<bool> border_nodes(const HighOrderMesh& mesh) {
   return border;
 }
 
-std::vector<SurfaceMatch> match_surfaces(const HighOrderMesh& mesh, const NodeSurfaces& tags,
-                                         const geometry::Geometry& geometry, double tolerance, const Team& team) {
-  const auto samples = samples_by_tag(mesh, tags);
-  std::vector<std::unique_ptr<Candidate>> candidates(geometry.surfaces.size());
-  team.for_each(static_cast<std::int32_t>(candidates.size()), 1, [&](std::int32_t s) {
-    candidates[static_cast<std::size_t>(s)] =
-        std::make_unique<Candidate>(geometry.surfaces[static_cast<std::size_t>(s)]);
+Candidates::Candidates(const geometry::Geometry& geometry, std::vector<std::vector<int>> part_of, const Team& team)
+    : geometry_(geometry),
+      part_of_(std::move(part_of)),
+      searches_(geometry.surfaces.size()),
+      boxes_(geometry.surfaces.size()) {
+  team.for_each(static_cast<std::int32_t>(searches_.size()), 1, [&](std::int32_t i) {
+    const auto s = static_cast<std::size_t>(i);
+    searches_[s] = std::make_unique<geometry::SurfaceSearch>(*geometry_.surfaces[s].shape);
+    boxes_[s] = searches_[s]->box();
   });
+}
+
+void Candidates::keep_parts(std::vector<int>& surfaces) const {
+  const std::vector<int> all = surfaces;
+  std::erase_if(surfaces, [&](int whole) {
+    return std::ranges::any_of(all, [&](int s) {
+      const std::vector<int>& wholes = part_of_[static_cast<std::size_t>(s)];
+      return std::ranges::find(wholes, whole) != wholes.end();
+    });
+  });
+}
+
+Matching match_surfaces(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Candidates& candidates,
+                        double tolerance, const Team& team) {
+  const auto samples = samples_by_tag(mesh, tags);
   std::vector<std::pair<int, const std::vector<Eigen::Vector3d>*>> order;
   for (const auto& [tag, of_tag] : samples) order.emplace_back(tag, &of_tag);
-  std::vector<SurfaceMatch> matches(order.size());
+  Matching result;
+  result.matches.resize(order.size());
   team.for_each(static_cast<std::int32_t>(order.size()), 1, [&](std::int32_t i) {
     const auto& [tag, of_tag] = order[static_cast<std::size_t>(i)];
-    matches[static_cast<std::size_t>(i)] = match(tag, *of_tag, geometry, candidates, tolerance);
+    result.matches[static_cast<std::size_t>(i)] = match(tag, *of_tag, candidates, tolerance);
   });
-  return matches;
+  std::map<int, int> surface_of;
+  std::vector<int> failed;
+  for (const SurfaceMatch& match : result.matches) {
+    surface_of[match.tag] = match.surface;
+    if (match.surface < 0) failed.push_back(match.tag);
+  }
+  for (const ElementBlock& block : mesh.blocks) {
+    const bool counts = reference::info(block.shape).dimension == 2;
+    result.surface_of_element.emplace_back(counts ? block.size() : 0, counts ? surface_of[block.entity] : -1);
+  }
+  if (!failed.empty()) {
+    const auto whole = result.surface_of_element;
+    match_elements(mesh, failed, candidates, tolerance, team, result.surface_of_element);
+    count_elements(mesh, result);
+    forget_chance(mesh, whole, result);
+  }
+  count_elements(mesh, result);
+  return result;
 }
 
 std::string number_text(double number) {

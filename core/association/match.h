@@ -1,10 +1,14 @@
 // Matches the surfaces of a mesh with those of a geometry. Internal to core/association.
 #pragma once
 
+#include <Eigen/Geometry>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "core/association/association.h"
+#include "core/association/repeated.h"
+#include "core/geometry/closest_point.h"
 
 namespace varimesh::detail {
 
@@ -16,10 +20,45 @@ NodeSurfaces surface_tags_by_node(const HighOrderMesh& mesh);
 /// may not move across the surface.
 std::vector<bool> border_nodes(const HighOrderMesh& mesh);
 
-/// One entry per surface of the mesh, by increasing tag.
-/// @param tolerance in the mesh's unit of length
-std::vector<SurfaceMatch> match_surfaces(const HighOrderMesh& mesh, const NodeSurfaces& tags,
-                                         const geometry::Geometry& geometry, double tolerance, const Team& team);
+/// The surfaces of a geometry, ready for the question which of them points lie on. They refer to the geometry.
+class Candidates {
+ public:
+  /// @param part_of  Repeated::part_of. Call it inside team.run().
+  Candidates(const geometry::Geometry& geometry, std::vector<std::vector<int>> part_of, const Team& team);
+
+  std::size_t count() const { return searches_.size(); }
+  const geometry::Surface& surface(std::size_t s) const { return geometry_.surfaces[s]; }
+  geometry::SurfaceFoot closest(std::size_t s, const Eigen::Vector3d& x) const { return searches_[s]->closest(x); }
+  /// Whether a box around the surface contains the point.
+  bool may_contain(std::size_t s, const Eigen::Vector3d& x) const { return boxes_[s].contains(x); }
+  /// Leaves out each surface of which another of these is a part.
+  void keep_parts(std::vector<int>& surfaces) const;
+
+ private:
+  const geometry::Geometry& geometry_;
+  std::vector<std::vector<int>> part_of_;
+  std::vector<std::unique_ptr<geometry::SurfaceSearch>> searches_;
+  std::vector<Eigen::AlignedBox3d> boxes_;
+};
+
+/// What lies on what.
+struct Matching {
+  std::vector<SurfaceMatch> matches;                 ///< One entry per surface of the mesh, by increasing tag.
+  std::vector<std::vector<int>> surface_of_element;  ///< As Association has it.
+  std::int64_t matched = 0;                          ///< How many elements lie on a surface.
+};
+
+/// Matches each surface of the mesh as a whole. If that fails for one, each of its elements is matched by itself.
+/// @param tolerance in the mesh's unit of length. Call it inside team.run().
+Matching match_surfaces(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Candidates& candidates,
+                        double tolerance, const Team& team);
+
+/// Matches elements of surfaces of the mesh one by one. An element lies on the surface on which all its nodes lie, and
+/// which has its middle inside and runs in its direction there. Elements that lie on none keep what they have.
+/// @param tags  of the surfaces of the mesh, sorted
+/// Call it inside team.run().
+void match_elements(const HighOrderMesh& mesh, const std::vector<int>& tags, const Candidates& candidates,
+                    double tolerance, const Team& team, std::vector<std::vector<int>>& surface_of_element);
 
 /// A number with three digits.
 std::string number_text(double number);

@@ -107,7 +107,7 @@ class Making {
       }
       if (block.numbers.empty()) continue;
       result_.faces.blocks.push_back(std::move(block));
-      now().surface_of_block.push_back(surface);
+      now().surface_of_element.emplace_back(result_.faces.blocks.back().size(), surface);
     }
   }
 

@@ -62,10 +62,10 @@ class Joining {
     sides_.resize(geometry_.curves.size());
     for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
       const ElementBlock& block = mesh_.blocks[b];
-      if (association_.surface_of_block[b] < 0) continue;
+      const std::vector<int>& surfaces = association_.surface_of_element[b];
       const auto stride = index(reference::node_count(block.shape, block.order));
-      for (std::size_t e = 0; e < block.size(); ++e)
-        collect_sides(block, &block.nodes[e * stride], association_.surface_of_block[b]);
+      for (std::size_t e = 0; e < surfaces.size(); ++e)
+        if (surfaces[e] >= 0) collect_sides(block, &block.nodes[e * stride], surfaces[e]);
     }
   }
 
@@ -90,11 +90,14 @@ class Joining {
   void collect_groups() {
     groups_.resize(geometry_.surfaces.size());
     for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
-      const int surface = association_.surface_of_block[b];
-      if (surface < 0) continue;
       std::vector<int> physical = mesh_.blocks[b].physical;
       std::ranges::sort(physical);
-      groups_[index(surface)].push_back(std::move(physical));
+      std::vector<int> surfaces = association_.surface_of_element[b];
+      std::ranges::sort(surfaces);
+      const auto repeated = std::ranges::unique(surfaces);
+      surfaces.erase(repeated.begin(), repeated.end());
+      for (const int surface : surfaces)
+        if (surface >= 0) groups_[index(surface)].push_back(physical);
     }
     for (auto& of : groups_) {
       std::ranges::sort(of);
@@ -205,8 +208,9 @@ class Joining {
       curves.erase(repeated.begin(), repeated.end());
       geometry_.surfaces[index(first)].curves = std::move(curves);
     }
-    for (int& surface : association_.surface_of_block)
-      if (surface >= 0) surface = whole(surface);
+    for (std::vector<int>& of_block : association_.surface_of_element)
+      for (int& surface : of_block)
+        if (surface >= 0) surface = whole(surface);
     put_joints_on_surfaces();
     for (geometry::Curve& curve : geometry_.curves)
       for (int& surface : curve.surfaces) surface = whole(surface);

@@ -8,6 +8,7 @@
 #include "core/curve/layers.h"
 #include "core/curve/parts.h"
 #include "core/curve/place.h"
+#include "core/curve/straight.h"
 #include "core/mesh/changes/change_order.h"
 
 namespace varimesh {
@@ -29,7 +30,7 @@ class Curving {
 
   CurvedMesh run() {
     carry_over();
-    const MeshParts parts(result_.mesh, start_.surface_of_block);
+    const MeshParts parts(result_.mesh, start_.surface_of_element);
     detail::BoundaryPlacing(result_.mesh, result_.association, parts, team_).run();
     std::vector<bool> moved = follow_layers(parts);
     blend_the_rest(parts, moved);
@@ -47,7 +48,8 @@ class Curving {
     now.factor = start_.factor;
     now.size = start_.size;
     now.matches = start_.matches;
-    now.surface_of_block = start_.surface_of_block;
+    now.surface_of_element = start_.surface_of_element;
+    now.repeated = start_.repeated;
     now.nodes.assign(mesh().node_count(), {});
     now.surfaces.resize(start_.surfaces.size());
     std::vector<std::int32_t> before(mesh().node_count(), -1);
@@ -59,10 +61,13 @@ class Curving {
       for (std::size_t e = 0; e < made.size(); ++e)
         for (std::size_t k = 0; k < vertices; ++k)
           before[index(made.nodes[e * stride + k])] = old.nodes[e * vertices + k];
-      const int surface = start_.surface_of_block[b];
-      if (surface < 0) continue;
-      std::vector<std::int32_t>& own = now.surfaces[index(surface)].nodes;
-      own.insert(own.end(), made.nodes.begin(), made.nodes.end());
+      const std::vector<int>& surfaces = start_.surface_of_element[b];
+      for (std::size_t e = 0; e < surfaces.size(); ++e) {
+        if (surfaces[e] < 0) continue;
+        std::vector<std::int32_t>& own = now.surfaces[index(surfaces[e])].nodes;
+        const auto first = made.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride);
+        own.insert(own.end(), first, first + static_cast<std::ptrdiff_t>(stride));
+      }
     }
     for (std::size_t node = 0; node < before.size(); ++node)
       if (before[node] >= 0) now.nodes[node] = start_.nodes[index(before[node])];
@@ -151,6 +156,7 @@ class Curving {
     result_.association.held.assign(held.begin(), held.end());
     report.held = static_cast<std::int64_t>(held.size());
     report.held_tags.assign(held_tags.begin(), held_tags.end());
+    report.straight = detail::count_straight_elements(mesh(), result_.association);
     std::vector<bool> is_new(mesh().node_count(), false);
     for (const MeshEdge& edge : parts.edges)
       for (const std::int32_t node : edge.inner) is_new[index(node)] = true;
@@ -192,6 +198,12 @@ std::vector<std::string> as_texts(const std::vector<int>& tags) {
   return texts;
 }
 
+std::string straight_text(std::int64_t count) {
+  if (count == 0) return "";
+  return " The boundary is curved at " + std::to_string(count) + (count == 1 ? " element" : " elements") +
+         " with such nodes between their vertices.";
+}
+
 }  // namespace
 
 std::vector<std::string> CurveReport::sentences() const {
@@ -203,7 +215,7 @@ std::vector<std::string> CurveReport::sentences() const {
     result.push_back(std::to_string(held) +
                      " boundary nodes stay on straight sides, because it is not sure where they belong; they lie on "
                      "surfaces " +
-                     list(as_texts(held_tags)) + " of the mesh.");
+                     list(as_texts(held_tags)) + " of the mesh." + straight_text(straight));
   if (outside > 0)
     result.push_back(std::to_string(outside) +
                      " new nodes lie outside the boundary of their surface, because the mesh is too coarse there; they "

@@ -16,6 +16,7 @@ struct CurveReport {
   std::int64_t in_layers = 0;    ///< New nodes inside the mesh that follow the boundary through thin elements.
   std::int64_t held = 0;         ///< Boundary nodes that stay, since it is not sure where they belong.
   std::vector<int> held_tags;    ///< Tags of the mesh's surfaces that have such nodes, sorted.
+  std::int64_t straight = 0;     ///< Boundary elements with such new nodes although the boundary is curved there.
   std::int64_t outside = 0;  ///< New nodes on a surface but outside its boundary or in a hole: the mesh is too coarse.
   /// The geometry's surfaces that have such nodes, by tag: "5", or "5 'Fillet'" if it has a name.
   std::vector<std::string> outside_surfaces;

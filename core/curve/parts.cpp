@@ -13,14 +13,14 @@ std::size_t MeshParts::HashVertices::operator()(const Vertices& v) const {
   return hash;
 }
 
-MeshParts::MeshParts(const HighOrderMesh& mesh, const std::vector<int>& surface_of_block) {
+MeshParts::MeshParts(const HighOrderMesh& mesh, const std::vector<std::vector<int>>& surface_of_element) {
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const ElementBlock& block = mesh.blocks[b];
     if (reference::info(block.shape).dimension != 2) continue;
     const auto stride = static_cast<std::ptrdiff_t>(reference::node_count(block.shape, block.order));
     for (std::ptrdiff_t e = 0; e < static_cast<std::ptrdiff_t>(block.size()); ++e)
       add_face(block.shape, block.order, {block.nodes.begin() + e * stride, block.nodes.begin() + (e + 1) * stride},
-               true, surface_of_block[b]);
+               true, surface_of_element[b][static_cast<std::size_t>(e)]);
   }
   for (const ElementBlock& block : mesh.blocks) {
     const reference::ShapeInfo& info = reference::info(block.shape);

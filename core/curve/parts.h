@@ -33,8 +33,8 @@ struct MeshParts {
   std::vector<MeshEdge> edges;
   std::vector<MeshFace> faces;
 
-  /// @param surface_of_block by block of elements: index of the surface, or −1
-  MeshParts(const HighOrderMesh& mesh, const std::vector<int>& surface_of_block);
+  /// @param surface_of_element  as Association has it
+  MeshParts(const HighOrderMesh& mesh, const std::vector<std::vector<int>>& surface_of_element);
 
  private:
   using Vertices = std::array<std::int32_t, 4>;  // sorted; a triangle has −1 first

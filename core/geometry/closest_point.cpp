@@ -277,6 +277,16 @@ SurfaceSearch::SurfaceSearch(const SurfaceShape& surface) : surface_(&surface) {
     for (const double v : v_) x_.push_back(surface.at(u, v).x);
 }
 
+Eigen::AlignedBox3d SurfaceSearch::box() const {
+  if (x_.empty()) return {Eigen::Vector3d::Constant(-kInfinity), Eigen::Vector3d::Constant(kInfinity)};
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& x : x_)
+    if (x.allFinite()) box.extend(x);
+  if (box.isEmpty()) return box;
+  const Eigen::Vector3d more = Eigen::Vector3d::Constant(0.1 * box.diagonal().norm());
+  return {box.min() - more, box.max() + more};
+}
+
 SurfaceFoot SurfaceSearch::closest(const Eigen::Vector3d& point) const {
   if (const PieceSearch* pieces = surface_->pieces()) return pieces->closest(point);
   std::vector<double> far(x_.size());

@@ -1,6 +1,7 @@
 // The closest point of a curve or surface, by Newton's method from a guess or from samples. Internal to the library.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <vector>
 
 #include "core/geometry/geometry.h"
@@ -30,6 +31,9 @@ class SurfaceSearch {
  public:
   explicit SurfaceSearch(const SurfaceShape& surface);
   SurfaceFoot closest(const Eigen::Vector3d& point) const;
+  /// A box around the samples, a tenth of its diagonal larger on all sides, because samples miss a little of what is
+  /// curved. It is unbounded for a surface in pieces.
+  Eigen::AlignedBox3d box() const;
 
  private:
   const SurfaceShape* surface_;

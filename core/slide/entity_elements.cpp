@@ -58,11 +58,12 @@ std::vector<std::vector<EntityElement>> curve_elements(const HighOrderMesh& mesh
   std::set<std::pair<std::int32_t, std::int32_t>> seen;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const ElementBlock& block = mesh.blocks[b];
-    if (association.surface_of_block[b] < 0 || block.order < 2) continue;
+    const std::vector<int>& surfaces = association.surface_of_element[b];
+    if (block.order < 2) continue;
     const auto stride = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
     const auto facets = static_cast<int>(reference::info(block.shape).facets.size());
-    for (std::size_t e = 0; e < block.size(); ++e)
-      for (int facet = 0; facet < facets; ++facet) {
+    for (std::size_t e = 0; e < surfaces.size(); ++e)
+      for (int facet = 0; facet < facets && surfaces[e] >= 0; ++facet) {
         EntityElement edge;
         for (const int local : reference::facet_nodes(block.shape, block.order, facet))
           edge.nodes.push_back(block.nodes[e * stride + static_cast<std::size_t>(local)]);
@@ -79,14 +80,14 @@ std::vector<std::vector<EntityElement>> surface_elements(const HighOrderMesh& me
   std::vector<std::vector<EntityElement>> elements(association.geometry.surfaces.size());
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const ElementBlock& block = mesh.blocks[b];
-    const int surface = association.surface_of_block[b];
-    if (surface < 0) continue;
+    const std::vector<int>& surfaces = association.surface_of_element[b];
     const auto stride = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
-    for (std::size_t e = 0; e < block.size(); ++e) {
+    for (std::size_t e = 0; e < surfaces.size(); ++e) {
+      if (surfaces[e] < 0) continue;
       EntityElement element{block.shape, {}, block.entity};
       element.nodes.assign(block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride),
                            block.nodes.begin() + static_cast<std::ptrdiff_t>((e + 1) * stride));
-      elements[static_cast<std::size_t>(surface)].push_back(std::move(element));
+      elements[static_cast<std::size_t>(surfaces[e])].push_back(std::move(element));
     }
   }
   return elements;

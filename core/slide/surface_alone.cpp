@@ -30,8 +30,9 @@ bool fix_surfaces_at_fault(const HighOrderMesh& mesh, const Association& associa
   std::size_t element = 0;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     if (reference::info(mesh.blocks[b].shape).dimension != 2) continue;
-    const int surface = association.surface_of_block[b];
-    for (const std::int64_t number : mesh.blocks[b].numbers) {
+    for (std::size_t e = 0; e < mesh.blocks[b].size(); ++e) {
+      const std::int64_t number = mesh.blocks[b].numbers[e];
+      const int surface = association.surface_of_element[b][e];
       const bool lost = now.uncertified.contains(number) && !start.uncertified.contains(number);
       if (surface >= 0 && (lost || now.of_element[element] < start.merit.smallest))
         at_fault[static_cast<std::size_t>(surface)] = true;

@@ -42,7 +42,7 @@ class Measuring {
   Measuring(const HighOrderMesh& mesh, const std::vector<double>& after, Association association, double smooth_angle,
             const Team& team)
       : mesh_(mesh), after_(after), association_(std::move(association)), team_(team) {
-    const std::vector<int> made_on = association_.surface_of_block;
+    const std::vector<std::vector<int>> made_on = association_.surface_of_element;
     if (smooth_angle > 0) join_smoothly(mesh, association_, smooth_angle * std::numbers::pi / 180);
     collect(made_on);
   }
@@ -58,36 +58,35 @@ class Measuring {
   }
 
  private:
-  /// @param made_on  by block: the surface before any were joined
-  void collect(const std::vector<int>& made_on) {
+  /// @param made_on  by block and element: the surface before any were joined
+  void collect(const std::vector<std::vector<int>>& made_on) {
     std::map<int, std::size_t> row_of;
-    for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
-      const ElementBlock& block = mesh_.blocks[b];
-      if (made_on[b] < 0) continue;
-      const auto [at, is_new] = row_of.try_emplace(made_on[b], rows_.size());
-      if (is_new) rows_.emplace_back();
-      Row& row = rows_[at->second];
-      const geometry::Surface& surface = association_.geometry.surfaces[index(made_on[b])];
-      row.surface = association_.surface_of_block[b];
-      row.result.surface = surface.tag;
-      row.result.name = surface.name;
-      row.result.elements += static_cast<std::int64_t>(block.size());
-      if (std::ranges::find(row.result.tags, block.entity) == row.result.tags.end())
-        row.result.tags.push_back(block.entity);
-      add_elements(block, at->second);
-    }
+    for (std::size_t b = 0; b < mesh_.blocks.size(); ++b)
+      for (std::size_t e = 0; e < made_on[b].size(); ++e) {
+        if (made_on[b][e] < 0) continue;
+        const auto [at, is_new] = row_of.try_emplace(made_on[b][e], rows_.size());
+        if (is_new) rows_.emplace_back();
+        Row& row = rows_[at->second];
+        const geometry::Surface& surface = association_.geometry.surfaces[index(made_on[b][e])];
+        row.surface = association_.surface_of_element[b][e];
+        row.result.surface = surface.tag;
+        row.result.name = surface.name;
+        ++row.result.elements;
+        add_element(mesh_.blocks[b], e, at->second);
+      }
     for (Row& row : rows_) std::ranges::sort(row.result.tags);
   }
 
-  void add_elements(const ElementBlock& block, std::size_t row) {
-    const std::size_t stride = block.nodes.size() / std::max<std::size_t>(block.size(), 1);
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      const auto first = block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride);
-      rows_[row].elements.push_back({block.shape, {first, first + static_cast<std::ptrdiff_t>(stride)}, block.entity});
-      rows_[row].places.push_back(result_.elements.size());
-      result_.elements.push_back(block.numbers[e]);
-      result_.surface_of_element.push_back(static_cast<std::int32_t>(row));
-    }
+  void add_element(const ElementBlock& block, std::size_t e, std::size_t number) {
+    Row& row = rows_[number];
+    const auto stride = static_cast<std::ptrdiff_t>(block.nodes.size() / block.size());
+    const auto first = block.nodes.begin() + static_cast<std::ptrdiff_t>(e) * stride;
+    row.elements.push_back({block.shape, {first, first + stride}, block.entity});
+    row.places.push_back(result_.elements.size());
+    if (std::ranges::find(row.result.tags, block.entity) == row.result.tags.end())
+      row.result.tags.push_back(block.entity);
+    result_.elements.push_back(block.numbers[e]);
+    result_.surface_of_element.push_back(static_cast<std::int32_t>(number));
   }
 
   void measure(const std::vector<double>& coordinates, std::vector<float>& distances,

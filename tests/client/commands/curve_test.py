@@ -73,6 +73,18 @@ def boundary_nodes(mesh, folder):
     return [nodes[number] for number in used]
 
 
+def with_one_tag(mesh, path):
+    """The mesh in MSH 2.2, with the same tag for all surface elements."""
+    subprocess.run([VARIMESH, "convert", mesh, path, "--format", "msh22"], check=True, capture_output=True)
+    lines = path.read_text().splitlines()
+    for at in range(lines.index("$Elements") + 2, lines.index("$EndElements")):
+        words = lines[at].split()
+        if words[1] in ("2", "3"):
+            words[3] = words[4] = "1"
+        lines[at] = " ".join(words)
+    path.write_text("\n".join(lines) + "\n")
+
+
 def certified(text):
     """How many elements there are, and how many are certified valid after the run."""
     elements = int(re.search(r"(\d+) elements", text).group(1))
@@ -119,6 +131,36 @@ class Curve(WithFolder):
         done = run("curve", straight, "--geometry", model, "--order", 1, "-o", self.folder / "again.msh")
         self.assertEqual(done.returncode, 2)
         self.assertIn("from 2 to 10", done.stderr)
+
+    def test_the_face_where_bodies_touch_is_curved(self):
+        # STEP repeats the face for each body; the mesh, of the model before that, has it once.
+        whole, model, straight = (self.folder / name for name in ("two.brep", "two.step", "straight.msh"))
+        body = "occ.fragment([(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 1))], [(3, occ.addCylinder(0, 0, 1, 0, 0, 1, 1))])"
+        make(body, whole)
+        make(body, model)
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(whole), str(straight)], check=True, capture_output=True)
+        done = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("counted once", done.stderr)
+        self.assertNotIn("stay on straight sides", done.stderr)
+        nodes = boundary_nodes(self.out, self.folder)
+        self.assertLess(max(min(abs(math.hypot(x, y) - 1), *(abs(z - at) for at in range(3))) for x, y, z in nodes),
+                        1e-9)
+        # Around the face where they touch, too: the middles of chords of this circle would be inside.
+        self.assertLess(max(abs(math.hypot(x, y) - 1) for x, y, z in nodes if math.hypot(x, y) > 0.9), 1e-9)
+
+    def test_one_tag_for_the_whole_boundary_is_enough(self):
+        model, straight, one = self.folder / "plate.step", self.folder / "straight.msh", self.folder / "one.msh"
+        make(BODIES["plate"][0], model)
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(model), str(straight)], check=True, capture_output=True)
+        with_one_tag(straight, one)
+        done = run("curve", one, "--geometry", model, "--order", 3, "-o", self.out)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("1 element by element", done.stderr)
+        self.assertNotIn("stay", done.stderr)
+        self.assertLess(max(BODIES["plate"][1](*x) for x in boundary_nodes(self.out, self.folder)), 1e-9)
+        by_face = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out)
+        self.assertEqual(distances(done.stderr), distances(by_face.stderr))
 
     def test_a_mesh_is_no_model(self):
         done = run("mesh", CASES / "disc_p4.msh", "--size", 0.5, "--order", 3, "-o", self.out)

@@ -67,13 +67,28 @@ TEST(Associate, FindsASurfaceWithAnotherTagByDistance) {
   EXPECT_FALSE(association.matches[0].by_tag);
 }
 
-TEST(Associate, TakesNeitherOfTwoSurfacesThatFitEquallyWell) {
+TEST(Associate, TakesOneOfTwoSurfacesThatFitEquallyWell) {
+  // Each goes on where the other ends, and where both are it makes no difference.
+  geometry::Geometry geometry;
+  for (const double z : {-0.5, -0.1}) {
+    geometry::Frame frame;
+    frame.origin = {0, 0, z};
+    geometry.surfaces.push_back({z < -0.3 ? 9 : 10, geometry::cylinder(frame, 1, 2.6), {}});
+  }
+  const Association association = associated(pipe_mesh(4), geometry);
+  EXPECT_EQ(association.repeated, 0);
+  EXPECT_EQ(association.matches[0].on_none, 0);
+  for (const int surface : association.surface_of_element[0])
+    EXPECT_EQ(surface, association.surface_of_element[0].front());
+}
+
+TEST(Associate, CountsASurfaceThatIsThereTwiceOnce) {
   geometry::Geometry geometry = pipe(9);
   geometry.surfaces.push_back({10, geometry::cylinder({}, 1, 2), {}});
-  const Team team(1);
-  const auto association = associate(pipe_mesh(4), geometry, team);
-  ASSERT_FALSE(association);
-  EXPECT_NE(association.error().sentence.find("No surface of the mesh"), std::string::npos);
+  const Association association = associated(pipe_mesh(4), geometry);
+  EXPECT_EQ(association.repeated, 1);
+  EXPECT_EQ(association.matches[0].surface, 0);
+  EXPECT_TRUE(association.held.empty());
 }
 
 TEST(Associate, TakesTheOneOfTwoSurfacesThatHasAllSamplesInside) {

@@ -31,7 +31,8 @@ TEST(SmoothJoints, MakeOnePipeOfTwoHalves) {
   EXPECT_EQ(joints.free_curves, 2);
   EXPECT_EQ(joints.joined_curves, 2);
   EXPECT_EQ(joints.free_vertices, 4);
-  EXPECT_EQ(association.surface_of_block, (std::vector<int>{0, 0}));
+  for (const std::vector<int>& of_block : association.surface_of_element)
+    EXPECT_EQ(of_block, std::vector<int>(of_block.size(), 0));
   EXPECT_EQ(association.surfaces[0].nodes.size(), mesh.node_count());
   const geometry::SurfaceShape& surface = *association.geometry.surfaces[0].shape;
   for (std::size_t node = 0; node < mesh.node_count(); ++node) {

@@ -267,7 +267,11 @@ TEST(Curve, NamesTheSurfacesOfNodesThatItHolds) {
   const CurvedMesh made = curved(linear_pipe(), pipe, 3);
   EXPECT_EQ(made.report.held_tags, (std::vector<int>{2, 4}));
   ASSERT_EQ(made.report.sentences().size(), 2U);
-  EXPECT_NE(made.report.sentences()[1].find("surfaces 2, 4 of the mesh"), std::string::npos);
+  const std::string said = made.report.sentences()[1];
+  EXPECT_NE(said.find("surfaces 2, 4 of the mesh"), std::string::npos);
+  // Those of the wall. The end is flat.
+  EXPECT_EQ(made.report.straight, kColumns);
+  EXPECT_NE(said.find("curved at " + std::to_string(kColumns) + " elements"), std::string::npos);
 }
 
 TEST(Curve, RefusesAnOrderThatDoesNotExist) {

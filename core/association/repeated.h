@@ -1,0 +1,26 @@
+// Faces and edges that touching bodies repeat. Internal to core/association.
+#pragma once
+
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/geometry/geometry.h"
+
+namespace varimesh::detail {
+
+/// What was found by merge_repeated().
+struct Repeated {
+  int surfaces = 0;  ///< How many surfaces were left out, because an earlier one is the same.
+  /// By surface that is left: the surfaces of which it is a part.
+  std::vector<std::vector<int>> part_of;
+};
+
+/// Each body of a STEP file has its own faces, so a face at which two bodies touch is there twice. A mesh has it once.
+/// This leaves out surfaces and curves that lie on an earlier one as a whole, and this one on them. What they bounded,
+/// the earlier one bounds. If a curve or surface is only a part of another, both stay; then the longer curve bounds
+/// what its part bounds too, and the larger surface is bounded by the curves of its part.
+/// @param tolerance  how far apart points of the same surface may be, in the geometry's unit of length
+/// The result does not depend on the number of threads. Call it inside team.run().
+Repeated merge_repeated(geometry::Geometry& geometry, double tolerance, const Team& team);
+
+}  // namespace varimesh::detail
