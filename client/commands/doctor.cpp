@@ -22,6 +22,7 @@
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
 #include "core/base/version.h"
+#include "core/geometry/cad_reader.h"
 #include "core/process/helper_program.h"
 
 namespace varimesh::client {
@@ -72,6 +73,16 @@ Finding optional_part(const std::string& name, const std::string& path, const st
   return {name, (path.empty() ? "missing" : path) + " (" + purpose + ")", ""};
 }
 
+/// The plugin that reads CAD models, with the program beside it, which reads their files.
+Finding cad_plugin() {
+  const std::string plugin = geometry::plugin_path();
+  Finding found = optional_part("CAD plugin", plugin, "for --geometry, curve and mesh");
+  if (!plugin.empty() && ::access(geometry::reader_path(plugin).c_str(), X_OK) != 0)
+    found.wrong = "the program " + geometry::reader_path(plugin) + ", which reads CAD files, is missing; install " +
+                  "VariMesh again";
+  return found;
+}
+
 Finding server(const std::string& address, const Credentials& credentials) {
   const auto started = std::chrono::steady_clock::now();
   Settings settings;
@@ -120,8 +131,7 @@ int doctor(const CommonFlags& flags) {
       {"vectors", std::string(vector_instructions()), ""},
       threads(),
       temporary_files(),
-      optional_part("CAD plugin", find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE"),
-                    "for --geometry, curve and mesh"),
+      cad_plugin(),
       optional_part("gmsh", find_program("gmsh"), "for varimesh mesh"),
       optional_part("HDF5 program", find_helper("varimesh_hdf5", "VARIMESH_HDF5"), "for .h5, .cgns and .pyfrm files"),
   };

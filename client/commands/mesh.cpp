@@ -1,4 +1,5 @@
 // varimesh mesh: makes a curved, optimised mesh from a CAD model. The program gmsh makes the straight mesh.
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fstream>
@@ -11,7 +12,9 @@
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
 #include "client/runs/optimise_run.h"
+#include "core/base/stopwatch.h"
 #include "core/formats/formats.h"
+#include "core/geometry/cad_reader.h"
 
 namespace varimesh::client {
 namespace {
@@ -19,7 +22,11 @@ namespace {
 struct Arguments {
   OptimiseArguments run;
   GmshOptions gmsh;
+  std::string bodies;
 };
+
+/// A limit of time that is nearly over. 0 would mean no limit.
+constexpr double kLeastSeconds = 0.1;
 
 /// Whether the file is a mesh and not a model.
 bool is_a_mesh(const std::string& path) {
@@ -43,17 +50,28 @@ int mesh(Arguments arguments) {
                                                    "' is a mesh already, not a model; 'varimesh curve IN --geometry "
                                                    "MODEL --order N' curves a mesh of order 1 by its model."});
   if (const int status = check_curve(arguments.run); status != kDone) return status;
+  if (arguments.run.common.server.empty())
+    if (const auto reads = geometry::check_plugin("The geometry '" + arguments.gmsh.model + "'"); !reads)
+      return print_error(reads.error());
   const TemporaryFolder folder;
   if (folder.path().empty())
     return print_error({Error::Kind::Output, "No temporary folder can be made; check TMPDIR and its free space."});
   input.mesh = (folder.path() / input.mesh).string();
-  if (!arguments.run.common.quiet) std::cerr << "Gmsh makes the straight mesh." << std::endl;
+  if (!arguments.run.common.quiet) {
+    std::cerr << "Gmsh makes the straight mesh." << std::endl;
+    arguments.gmsh.on_progress = [](const std::string& text) { std::cerr << "Gmsh: " << text << std::endl; };
+  }
+  const double limit = arguments.run.options.time_limit();
+  arguments.gmsh.most_seconds = limit;
+  arguments.gmsh.joins_bodies = arguments.bodies != "separate";
+  const Stopwatch watch;
   const auto made = mesh_with_gmsh(arguments.gmsh, folder.path(), input.mesh);
   if (interrupted()) {
     std::cerr << "varimesh: interrupted" << std::endl;
     return kInterrupted;
   }
   if (!made) return print_error(made.error());
+  if (limit > 0) arguments.run.options.set_time_limit(std::max(kLeastSeconds, limit - watch.seconds()));
   return curve(arguments.run);
 }
 
@@ -75,6 +93,12 @@ Action add_mesh(Command program) {
            "At least this many elements around a full turn of a curved surface; 0: no limit")
       .from(0, 1000)
       .value("N");
+  command
+      .add("--bodies", &arguments->bodies,
+           "How bodies that touch are meshed: joined, with one mesh of the faces where they touch, or separate; "
+           "default: joined")
+      .value("HOW")
+      .one_of({"joined", "separate"});
   add_geometry_options(command, &arguments->run.input.geometry, false);
   add_run_flags(command, &arguments->run);
   require_curved_order(command);

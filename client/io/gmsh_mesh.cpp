@@ -2,10 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <cstring>
-#include <deque>
+#include <algorithm>
 #include <fstream>
+#include <string_view>
 #include <system_error>
+#include <vector>
 
 #include "client/process/child_program.h"
 #include "core/base/utf8.h"
@@ -13,20 +14,58 @@
 namespace varimesh::client {
 namespace {
 
-/// What gmsh printed about errors, or else its last lines, in one line.
-std::string said(const std::filesystem::path& log) {
-  constexpr std::size_t kShown = 4;
+/// Whether this is a line of the footer that gmsh prints after errors: "1 error", for example, between dashes.
+bool is_footer(std::string_view line) {
+  std::string_view text = line.substr(std::min(line.find(':') + 1, line.size()));
+  text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
+  const std::string_view word = text.substr(std::min(text.find_first_not_of("0123456789 "), text.size()));
+  const bool counts = word != text && (word.starts_with("error") || word.starts_with("warning"));
+  return counts || text.starts_with("-----") || text.find("error summary") != text.npos ||
+         text.starts_with("Check the full log");
+}
+
+/// The lines of the log without spaces around them.
+std::vector<std::string> lines_of(const std::filesystem::path& log) {
+  std::vector<std::string> lines;
   std::ifstream file(log);
-  std::deque<std::string> errors, lines;
   for (std::string line; std::getline(file, line);) {
     line.erase(0, line.find_first_not_of(" \t"));
-    std::deque<std::string>& kind = line.starts_with("Error") ? errors : lines;
-    kind.push_back(as_utf8(line));
-    if (kind.size() > kShown) kind.pop_front();
+    line.erase(line.find_last_not_of(" \t\r") + 1);
+    if (!line.empty()) lines.push_back(as_utf8(line));
   }
+  return lines;
+}
+
+/// The first errors that gmsh printed, or else its last lines, in one line.
+std::string said(const std::filesystem::path& log) {
+  constexpr std::size_t kShown = 4;
+  std::vector<std::string> errors, lines = lines_of(log);
+  for (const std::string& line : lines) {
+    const bool is_error = line.starts_with("Error") || line.find(" Error:") != line.npos;
+    if (is_error && !is_footer(line) && std::ranges::find(errors, line) == errors.end()) errors.push_back(line);
+  }
+  if (errors.empty() && lines.size() > kShown) lines.erase(lines.begin(), lines.end() - kShown);
+  if (errors.size() > kShown) errors.resize(kShown);
   std::string text;
   for (const std::string& line : errors.empty() ? lines : errors) text += (text.empty() ? "" : " | ") + line;
   return text.empty() ? " It printed nothing." : " It printed: " + text;
+}
+
+/// What gmsh does now: "Meshing surface 3 (Cylinder, Frontal-Delaunay)".
+std::string doing(const std::filesystem::path& log) {
+  const std::vector<std::string> lines = lines_of(log);
+  for (auto line = lines.rbegin(); line != lines.rend(); ++line)
+    if (const std::size_t at = line->find("Meshing"); line->starts_with("Info") && at != line->npos)
+      return line->substr(at);
+  return "";
+}
+
+/// A script that makes gmsh read the model and, if it has several bodies, cut them where they touch.
+bool write_script(const std::filesystem::path& script, const std::filesystem::path& model) {
+  std::ofstream file(script);
+  file << "SetFactory(\"OpenCASCADE\");\nMerge \"" << model.filename().string()
+       << "\";\nbodies() = Volume{:};\nIf (#bodies() > 1)\n  Coherence;\nEndIf\n";
+  return file.flush().good();
 }
 
 std::string how(const ProgramEnd& end) {
@@ -46,16 +85,36 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
   const std::filesystem::path log = folder / "gmsh.log", made = folder / "made.msh";
   std::error_code failed;
   // An absolute path never looks like an option.
-  const std::string model = std::filesystem::absolute(options.model, failed).string();
-  std::vector<std::string> arguments{model, "-3", "-order", "1", "-format", "msh41", "-bin", "-save_all", "-nopopup"};
+  std::filesystem::path input = std::filesystem::absolute(options.model, failed);
+  if (options.joins_bodies) {
+    // The script names a link beside it, so that no character of the model's path means something in it.
+    const std::filesystem::path link = folder / ("model" + input.extension().string());
+    std::filesystem::create_symlink(input, link, failed);
+    input = folder / "bodies.geo";
+    if (failed || !write_script(input, link))
+      return tl::unexpected<Error>(
+          {Error::Kind::Output, "No file can be written in '" + folder.string() + "'; make room."});
+  }
+  std::vector<std::string> arguments{input.string(), "-3",   "-order",    "1",       "-format",
+                                     "msh41",        "-bin", "-save_all", "-nopopup"};
   const auto set = [&](const char* name, double value) {
     arguments.insert(arguments.end(), {"-setnumber", name, fmt::format("{}", value)});
   };
   set("Mesh.MeshSizeMax", options.size);
   if (options.elements_per_turn > 0) set("Mesh.MeshSizeFromCurvature", options.elements_per_turn);
   arguments.insert(arguments.end(), {"-o", made.string()});
-  const ProgramEnd end = run_program(gmsh, arguments, log);
+  std::string last;
+  const auto tell = [&] {
+    if (const std::string now = doing(log); now != last) options.on_progress(last = now);
+  };
+  const ProgramEnd end =
+      run_program(gmsh, arguments, log,
+                  {options.most_seconds, options.on_progress ? std::function<void()>(tell) : std::function<void()>()});
   if (end.way == ProgramEnd::Way::Interrupted) return bad_input("");
+  if (end.way == ProgramEnd::Way::TimeIsOver)
+    return bad_input(fmt::format(
+        "{} had not meshed '{}' after {:.3g} s, the time limit; take a larger --size, or a longer --time-limit.", gmsh,
+        options.model, options.most_seconds));
   if (end.way == ProgramEnd::Way::NotStarted)
     return bad_option("'" + gmsh + "' cannot be started (" + std::system_category().message(end.status) + ").");
   if (end.way != ProgramEnd::Way::Exited || end.status != 0)

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "client/process/interrupts.h"
+#include "core/base/stopwatch.h"
 
 namespace varimesh::client {
 namespace {
@@ -59,17 +60,24 @@ std::string find_program(const std::string& name) {
 }
 
 ProgramEnd run_program(const std::string& path, const std::vector<std::string>& arguments,
-                       const std::filesystem::path& log) {
+                       const std::filesystem::path& log, const Meanwhile& meanwhile) {
+  const Stopwatch watch;
+  double called = 0;
   pid_t child = 0;
   if (const int error = start(path, arguments, log.string(), &child); error != 0)
     return {ProgramEnd::Way::NotStarted, error};
   int status = 0;
   while (true) {
-    const bool ends = interrupted();
+    const bool is_interrupted = interrupted();
+    const bool ends = is_interrupted || (meanwhile.most_seconds > 0 && watch.seconds() >= meanwhile.most_seconds);
     if (ends) ::kill(child, SIGKILL);
     const pid_t ended = ::waitpid(child, &status, ends ? 0 : WNOHANG);
-    if (ended == child && ends) return {ProgramEnd::Way::Interrupted, 0};
+    if (ended == child && ends) return {is_interrupted ? ProgramEnd::Way::Interrupted : ProgramEnd::Way::TimeIsOver, 0};
     if (ended == child) break;
+    if (meanwhile.on_second && watch.seconds() >= called + 1) {
+      called = watch.seconds();
+      meanwhile.on_second();
+    }
     std::this_thread::sleep_for(kBetweenLooks);
   }
   if (WIFSIGNALED(status)) return {ProgramEnd::Way::Signalled, WTERMSIG(status)};

@@ -1,4 +1,5 @@
-// Starts the program that reads a CAD file in a process of its own. Internal to core/geometry.
+// The program that reads a CAD file in a process of its own: where it and its plugin are, and how it is started.
+// Internal to the library.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +11,16 @@
 #include "core/base/stop_token.h"
 
 namespace varimesh::geometry {
+
+/// Where the plugin libvarimesh_opencascade.so is: the file that the environment variable VARIMESH_OPENCASCADE names,
+/// or beside the running program, or in ../lib/varimesh. Empty if there is none.
+std::string plugin_path();
+/// Where the program that reads a file for the plugin at this path is, or would be.
+std::string reader_path(const std::string& plugin);
+/// Errors: BadOption, with what to install, if this program cannot read models, because the plugin or the program
+/// beside it is missing.
+/// @param what  how the sentence calls the model
+Expected<void> check_plugin(const std::string& what);
 
 /// What the program has read.
 struct ReadModel {

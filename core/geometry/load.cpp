@@ -15,6 +15,23 @@ namespace varimesh::geometry {
 
 std::string plugin_path() { return find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE"); }
 
+std::string reader_path(const std::string& plugin) {
+  return std::filesystem::path(plugin).replace_filename(kReaderProgram).string();
+}
+
+Expected<void> check_plugin(const std::string& what) {
+  const std::string plugin = plugin_path();
+  if (plugin.empty())
+    return bad_option(
+        what +
+        " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
+        "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
+        "of the group 'geometry' of deploy/packages.");
+  if (::access(reader_path(plugin).c_str(), X_OK) == 0) return {};
+  return bad_option(what + " cannot be read, because the program '" + reader_path(plugin) +
+                    "', which reads CAD files, is missing; install VariMesh again.");
+}
+
 std::int64_t memory_for_reading(std::int64_t file_bytes) {
   // Address space: OpenCASCADE's libraries take .3 GB of it.
   return (std::int64_t{1} << 30) + 100 * file_bytes;
@@ -43,8 +60,7 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
   model.read_ = reinterpret_cast<ReadShape*>(dlsym(library, kReadShapeSymbol));
   if (model.read_ == nullptr)
     return bad_option("'" + plugin + "' belongs to another version of VariMesh; install both from the same package.");
-  const std::string reader = std::filesystem::path(plugin).replace_filename(kReaderProgram).string();
-  auto read = read_in_child(reader, file, what, most_memory, stop);
+  auto read = read_in_child(reader_path(plugin), file, what, most_memory, stop);
   if (!read) return tl::unexpected(read.error());
   model.shape_ = std::move(read->shape);
   model.notes_ = std::move(read->notes);
@@ -54,12 +70,8 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
 }
 
 Expected<CadModel> read_model(int file, const std::string& what, const StopToken* stop) {
-  const std::string plugin = plugin_path();
-  if (!plugin.empty()) return read_model(plugin, file, what, machine_memory(), stop);
-  return bad_option(what +
-                    " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
-                    "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
-                    "of the group 'geometry' of deploy/packages.");
+  if (const auto reads = check_plugin(what); !reads) return tl::unexpected(reads.error());
+  return read_model(plugin_path(), file, what, machine_memory(), stop);
 }
 
 Expected<Geometry> load(const std::string& path) {

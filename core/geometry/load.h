@@ -9,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "core/base/stop_token.h"
+#include "core/geometry/cad_reader.h"
 #include "core/geometry/geometry.h"
 #include "core/geometry/plugin.h"
 
@@ -53,9 +54,5 @@ std::int64_t memory_for_reading(std::int64_t file_bytes);
 /// unit. All bodies of the file are read. Errors: as read_model(); BadOption, with what to install, if there is no
 /// plugin.
 Expected<Geometry> load(const std::string& path);
-
-/// Where the plugin libvarimesh_opencascade.so is: the file that the environment variable VARIMESH_OPENCASCADE names,
-/// or beside the running program, or in ../lib/varimesh. Empty if there is none.
-std::string plugin_path();
 
 }  // namespace varimesh::geometry

@@ -1,6 +1,7 @@
 """From a CAD model to a certified curved mesh: 'varimesh mesh' and 'varimesh curve' on bodies with formulas, which Gmsh
 makes. Skipped, with a word, without the program gmsh, its Python module, or the plugin that reads CAD files."""
 import contextlib
+import json
 import math
 import os
 import re
@@ -132,6 +133,32 @@ class Curve(WithFolder):
         self.assertEqual(done.returncode, 2)
         self.assertIn("from 2 to 10", done.stderr)
 
+    def test_bodies_that_touch_get_one_mesh(self):
+        wide = "occ.addCylinder(0, 0, 0, 0, 0, 1, 1); "
+        bodies = {"of the same width": (wide + "occ.addCylinder(0, 0, 1, 0, 0, 1, 1)",
+                                        lambda x, y, z: min(abs(math.hypot(x, y) - 1), abs(z), abs(z - 1), abs(z - 2))),
+                  "one narrower": (wide + "occ.addCylinder(0, 0, 1, 0, 0, 1, 0.6)",
+                                   lambda x, y, z: min(abs(math.hypot(x, y) - (1 if z < 1 else 0.6)), abs(z),
+                                                       abs(z - 1), abs(z - 2)))}
+        for name, (body, distance) in bodies.items():
+            for ending in ("step", "brep"):
+                with self.subTest(bodies=name, model=ending):
+                    model = self.folder / f"two.{ending}"
+                    make(body, model)
+                    done = run("mesh", model, "--size", 0.5, "--order", 3, "--threads", 1, "-o", self.out)
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    self.assertNotIn("stay on straight sides", done.stderr)
+                    nodes = boundary_nodes(self.out, self.folder)
+                    self.assertEqual(len({tuple(round(c, 9) for c in x) for x in nodes}), len(nodes))
+                    self.assertLess(max(distance(*x) for x in nodes), 1e-9)
+                    # In the middle of the face where they touch, too.
+                    self.assertTrue([x for x in nodes if abs(x[2] - 1) < 1e-9 and math.hypot(x[0], x[1]) < 0.4])
+        make(bodies["of the same width"][0], model)
+        done = run("mesh", model, "--size", 0.5, "--order", 2, "--bodies", "separate", "-o", self.out)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        nodes = boundary_nodes(self.out, self.folder)
+        self.assertLess(len({tuple(round(c, 9) for c in x) for x in nodes}), len(nodes))
+
     def test_the_face_where_bodies_touch_is_curved(self):
         # STEP repeats the face for each body; the mesh, of the model before that, has it once.
         whole, model, straight = (self.folder / name for name in ("two.brep", "two.step", "straight.msh"))
@@ -194,6 +221,46 @@ class Curve(WithFolder):
             self.assertIn(sentence, done.stderr)
             self.assertIn("It printed: Error: no such luck\n", done.stderr)
             self.assertFalse(self.out.exists())
+
+    def test_the_first_errors_of_gmsh_are_shown_and_not_its_footer(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        footer = ["-" * 30, "Mesh generation error summary", "    0 warnings", "    2 errors",
+                  "Check the full log for details", "-" * 30]
+        said = ["Invalid boundary mesh (overlapping facets) on surface 42 surface 44", "No elements in volume 1"]
+        script = "".join(f"echo 'Error   : {line}'\n" for line in said + footer) + "exit 1\n"
+        done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out, env=self.fake_gmsh(script))
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("It printed: " + " | ".join("Error   : " + line for line in said) + "\n", done.stderr)
+
+    def test_gmsh_is_part_of_the_time_limit_and_says_what_it_does(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        environment = self.fake_gmsh("echo 'Info    : Meshing surface 3 (Sphere)'\nexec sleep 60\n")
+        begun = time.monotonic()
+        done = run("mesh", model, "--size", 0.5, "--order", 3, "--time-limit", 3, "-o", self.out, env=environment)
+        self.assertLess(time.monotonic() - begun, 3 + 2 + 0.3)
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("Gmsh: Meshing surface 3 (Sphere)\n", done.stderr)
+        self.assertIn("after 3 s, the time limit", done.stderr)
+        self.assertFalse(self.out.exists())
+
+    def test_the_plugin_is_looked_for_before_gmsh_runs(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        plugin = Path(VARIMESH).parent / "libvarimesh_opencascade.so"
+        (self.folder / plugin.name).symlink_to(plugin)  # without the program that reads files
+        environment = self.fake_gmsh(f"touch {self.folder}/has-run")
+        for path, word in ((self.folder / "none.so", "without OpenCASCADE"),
+                           (self.folder / plugin.name, "varimesh_cad_reader")):
+            done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out,
+                       env={**environment, "VARIMESH_OPENCASCADE": str(path)})
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn(word, done.stderr)
+            self.assertFalse((self.folder / "has-run").exists())
+        found = json.loads(run("doctor", "--json", env={**os.environ, "VARIMESH_OPENCASCADE":
+                                                        str(self.folder / plugin.name)}).stdout)
+        self.assertIn("varimesh_cad_reader", found["CAD plugin"]["wrong"])
 
     def test_messages_and_the_report_name_the_model_and_no_temporary_file(self):
         model = self.folder / "sphere.step"
