@@ -141,7 +141,9 @@ bool BoundaryParts::is_smooth(const Edge& edge) const {
   for (const double s : {0.25, 0.5, 0.75}) {
     const Eigen::Vector3d one = normal(edge.sides[0].first, (1 - s) * ends[0][0] + s * ends[0][1]);
     const Eigen::Vector3d other = normal(edge.sides[1].first, (1 - s) * ends[1][0] + s * ends[1][1]);
-    sum += std::acos(std::clamp(sense * one.dot(other), -1.0, 1.0));
+    const double cosine = sense * one.dot(other);
+    // Where two elements of order 1 meet in a plane, one that faces the other way is folded over.
+    sum += std::acos(std::clamp(mesh_.order == 1 ? std::abs(cosine) : cosine, -1.0, 1.0));
   }
   return sum / 3 < angle_;
 }

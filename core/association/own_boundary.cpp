@@ -174,10 +174,7 @@ std::string OwnBoundary::sentence() const {
 }
 
 Expected<OwnBoundary> own_boundary(const HighOrderMesh& mesh, const Team& team) {
-  if (mesh.order < 2)
-    return bad_input(
-        "The mesh has order 1, so its boundary is flat between the nodes; give a CAD model with --geometry.");
-  const BoundaryParts parts(mesh, kSmoothAngle, team);
+  const BoundaryParts parts(mesh, mesh.order < 2 ? kFlatAngle : kSmoothAngle, team);
   if (parts.facets.empty()) return bad_input("The mesh has no boundary on which nodes could slide.");
   return Making(mesh, parts, team).run();
 }

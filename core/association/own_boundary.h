@@ -24,6 +24,9 @@ struct OwnBoundary {
 /// Two surface elements whose normals differ by more than this along their common edge, on average and in radians, meet
 /// in a curve. Two edges of curves that differ by more meet in a vertex.
 inline constexpr double kSmoothAngle = 0.35;
+/// The same for a mesh of order 1. Its boundary is flat between its nodes, so nodes slide only in planes and along
+/// straight edges, and the boundary stays what it is.
+inline constexpr double kFlatAngle = 1e-6;
 
 /// Takes the boundary of a mesh of dimension 3, or a surface in space, apart:
 /// - A curve goes along edges at which normals differ by more than kSmoothAngle, at which the elements belong to
@@ -32,7 +35,7 @@ inline constexpr double kSmoothAngle = 0.35;
 ///   a surface has a tip.
 /// Normals are compared on the side of the straight-sided elements, so an element that is folded over is no feature.
 /// Nodes on interfaces between volumes, and on surface elements inside the mesh, belong to nothing.
-/// The result does not depend on the number of threads. Errors: BadInput if there is no boundary of order 2 or more.
+/// The result does not depend on the number of threads. Errors: BadInput if there is no boundary.
 /// Call it inside team.run().
 Expected<OwnBoundary> own_boundary(const HighOrderMesh& mesh, const Team& team);
 

@@ -54,8 +54,8 @@ Remedy movement_remedy(std::int64_t count, const Tried& tried) {
           "Try --until valid: it untangles before it smooths, which may help " + count_text(count) + "."};
 }
 
-/// Boundary nodes of a curved mesh of volume elements can slide. Whether they have is not known here.
-bool can_slide(const HighOrderMesh& mesh) { return mesh.dimension == 3 && mesh.order > 1; }
+/// Boundary nodes of a mesh of volume elements can slide. Whether they have is not known here.
+bool can_slide(const HighOrderMesh& mesh) { return mesh.dimension == 3; }
 
 Remedy slide_remedy(std::int64_t count) {
   return {

@@ -1,6 +1,7 @@
 #include "core/slide/entity_elements.h"
 
 #include <algorithm>
+#include <map>
 #include <mutex>
 #include <set>
 
@@ -51,10 +52,40 @@ bool lies_on(const EntityElement& edge, int curve, const Association& associatio
   return true;
 }
 
+/// The edges of a mesh of order 1 that lie on curves: those where two surfaces meet or one ends, if both ends lie on a
+/// curve that bounds these surfaces. Edges between two vertices do not count, because nothing slides there.
+void add_straight_edges(const HighOrderMesh& mesh, const Association& association,
+                        std::vector<std::vector<EntityElement>>& elements) {
+  std::map<std::pair<std::int32_t, std::int32_t>, std::vector<int>> edges;
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const ElementBlock& block = mesh.blocks[b];
+    const std::vector<int>& surfaces = association.surface_of_element[b];
+    if (block.order > 1 || surfaces.empty()) continue;
+    const auto vertices = static_cast<std::size_t>(reference::info(block.shape).vertices);
+    for (std::size_t e = 0; e < surfaces.size(); ++e)
+      for (std::size_t k = 0; k < vertices; ++k)
+        edges[std::minmax(block.nodes[e * vertices + k], block.nodes[e * vertices + (k + 1) % vertices])].push_back(
+            surfaces[e]);
+  }
+  for (const auto& [ends, surfaces] : edges) {
+    if (surfaces.size() > 1 && std::ranges::count(surfaces, surfaces.front()) == std::ssize(surfaces)) continue;
+    const EntityElement edge{Shape::Line, {ends.first, ends.second}, 0};
+    for (const std::int32_t end : edge.nodes) {
+      const NodeEntity& entity = association.nodes[static_cast<std::size_t>(end)];
+      if (entity.dimension != 1 || !lies_on(edge, entity.entity, association)) continue;
+      const std::vector<int>& around = association.geometry.curves[static_cast<std::size_t>(entity.entity)].surfaces;
+      if (std::ranges::any_of(surfaces, [&](int s) { return std::ranges::find(around, s) == around.end(); })) continue;
+      elements[static_cast<std::size_t>(entity.entity)].push_back(edge);
+      break;
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<std::vector<EntityElement>> curve_elements(const HighOrderMesh& mesh, const Association& association) {
   std::vector<std::vector<EntityElement>> elements(association.geometry.curves.size());
+  add_straight_edges(mesh, association, elements);
   std::set<std::pair<std::int32_t, std::int32_t>> seen;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const ElementBlock& block = mesh.blocks[b];

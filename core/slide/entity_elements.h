@@ -18,8 +18,7 @@ struct EntityElement {
   int sense = 0;                    ///< Elements of a surface with the same number are numbered in the same sense.
 };
 
-/// By curve of the geometry: each edge of the surface elements that lies on it, once. Edges of a mesh of order 1 do not
-/// count, because their ends do not say whether they lie on the curve.
+/// By curve of the geometry: each edge of the surface elements that lies on it, once.
 std::vector<std::vector<EntityElement>> curve_elements(const HighOrderMesh& mesh, const Association& association);
 
 /// By surface of the geometry: the elements that lie on it.

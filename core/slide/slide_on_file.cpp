@@ -50,9 +50,6 @@ Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std
 Expected<void> check_order(const HighOrderMesh& mesh, int order) {
   if (mesh.dimension != 3 && !is_surface(mesh))
     return bad_input("A geometry needs a mesh of volume elements, or a surface in space; this mesh lies in a plane.");
-  if (order == 0 && mesh.order < 2)
-    return bad_input(
-        "The mesh has order 1, so its boundary is not curved; make it curved with 'varimesh curve' first.");
   if (order == 0) return {};
   if (order < 2 || order > kMaxOrder)
     return bad_option("A curved mesh has order 2 to " + std::to_string(kMaxOrder) + ", not " + std::to_string(order) +
@@ -81,7 +78,7 @@ struct Work {
     Expected<Association> association;
     team.run([&] { association = associated(geometry); });
     if (!association) return tl::unexpected(association.error());
-    const bool joins = options.smooth_angle > 0 && what != SlideOn::None;
+    const bool joins = options.smooth_angle > 0 && mesh.order > 1 && what != SlideOn::None;
     const NodesWithParameters before(mesh);
     if (joins)
       sentences.push_back(join_smoothly(mesh, *association, options.smooth_angle * std::numbers::pi / 180).sentence());

@@ -43,7 +43,7 @@ class Measuring {
             const Team& team)
       : mesh_(mesh), after_(after), association_(std::move(association)), team_(team) {
     const std::vector<std::vector<int>> made_on = association_.surface_of_element;
-    if (smooth_angle > 0) join_smoothly(mesh, association_, smooth_angle * std::numbers::pi / 180);
+    if (smooth_angle > 0 && mesh.order > 1) join_smoothly(mesh, association_, smooth_angle * std::numbers::pi / 180);
     collect(made_on);
   }
 

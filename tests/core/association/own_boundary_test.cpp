@@ -178,14 +178,35 @@ TEST(OwnBoundary, IsTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(one.association.allowed_on_surfaces[s].largest, three.association.allowed_on_surfaces[s].largest);
 }
 
-TEST(OwnBoundary, NeedsACurvedMesh) {
+TEST(OwnBoundary, IsFlatAtOrderOne) {
+  // Around a prism of twelve sides, elements turn by 30 degrees, but they are flat: each side is a surface of its own.
   HighOrderMesh mesh;
-  mesh.dimension = 3;
+  mesh.dimension = 2;
   mesh.order = 1;
-  const Team team(1);
-  const auto made = own_boundary(mesh, team);
-  ASSERT_FALSE(made);
-  EXPECT_NE(made.error().sentence.find("order 1"), std::string::npos);
+  constexpr int kSides = 12, kRows = 2;
+  ElementBlock block;
+  block.shape = Shape::Quadrilateral;
+  block.entity = 1;
+  for (int row = 0; row <= kRows; ++row)
+    for (int i = 0; i < kSides; ++i) {
+      const double angle = 2 * std::numbers::pi * i / kSides;
+      for (const double c : {std::cos(angle), std::sin(angle), double(row)}) mesh.coordinates.push_back(c);
+      mesh.node_numbers.push_back(static_cast<std::int64_t>(mesh.node_numbers.size()) + 1);
+    }
+  for (int row = 0; row < kRows; ++row)
+    for (int i = 0; i < kSides; ++i) {
+      const int next = (i + 1) % kSides, below = row * kSides, above = below + kSides;
+      block.numbers.push_back(below + i + 1);
+      for (const int node : {below + i, below + next, above + next, above + i}) block.nodes.push_back(node);
+    }
+  mesh.blocks.push_back(block);
+  mesh.node_blocks = {{-1, 0, 0, static_cast<std::int32_t>(mesh.node_count())}};
+  const OwnBoundary made = boundary_of(mesh, 1);
+  EXPECT_EQ(made.association.geometry.surfaces.size(), std::size_t{kSides});
+  for (int i = 0; i < kSides; ++i) {
+    EXPECT_EQ(made.association.nodes[std::size_t(i)].dimension, 0) << "a corner";
+    EXPECT_EQ(made.association.nodes[std::size_t(kSides + i)].dimension, 1) << "in the middle of an edge";
+  }
 }
 
 }  // namespace

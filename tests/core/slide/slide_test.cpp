@@ -11,6 +11,7 @@
 #include "core/geometry/closest_point.h"
 #include "core/slide/slide_on_file.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/meshes.h"
 #include "tests/core/support/split_pipe.h"
 #include "tests/core/support/surface_grid.h"
 
@@ -288,6 +289,28 @@ TEST(SlideOnBoundary, KeepsPlanesAndStraightEdgesExactly) {
   for (std::size_t c = 0; c < before.size(); ++c)
     if (std::abs(before[c]) == 1) {
       EXPECT_NEAR(mesh.coordinates[c], before[c], 1e-13);
+    }
+}
+
+TEST(SlideOnBoundary, UnfoldsMeshesOfOrderOne) {
+  const HighOrderMesh start = testing::grid(testing::Filling::Hexahedra, {4, 4, 4}, 1);
+  const auto node_at = [&](double x, double y, double z) {
+    for (std::size_t node = 0; node < start.node_count(); ++node)
+      if (std::abs(start.coordinates[3 * node] - x) + std::abs(start.coordinates[3 * node + 1] - y) +
+              std::abs(start.coordinates[3 * node + 2] - z) <
+          1e-12)
+        return node;
+    return start.node_count();
+  };
+  HighOrderMesh mesh = start;
+  // A node in a face passes its neighbour.
+  mesh.coordinates[3 * node_at(0.5, 0.5, 0)] += 0.3;
+  const SlideReport report = slid_on_boundary(mesh);
+  EXPECT_GT(report.folded_before, 0);
+  EXPECT_EQ(report.folded_after, 0);
+  for (std::size_t c = 0; c < mesh.coordinates.size(); ++c)
+    if (start.coordinates[c] == 0 || start.coordinates[c] == 1) {
+      EXPECT_NEAR(mesh.coordinates[c], start.coordinates[c], 1e-14);
     }
 }
 
