@@ -71,12 +71,15 @@ struct Work {
   const GeometryOptions& options;
   SlideOn what;
   const Team& team;
+  /// Ends when the caller asks for it, but not when the time is over: a mesh that is not curved yet is no result.
+  const Team& curving_team;
   std::vector<std::string> sentences;
   SlideReport report = {};
+  std::optional<std::vector<double>> as_curved = std::nullopt;  ///< The coordinates before nodes slide.
 
   Expected<void> run(const geometry::Geometry& geometry) {
     Expected<Association> association;
-    team.run([&] { association = associated(geometry); });
+    curving_team.run([&] { association = associated(geometry); });
     if (!association) return tl::unexpected(association.error());
     const bool joins = options.smooth_angle > 0 && mesh.order > 1 && what != SlideOn::None;
     const NodesWithParameters before(mesh);
@@ -103,7 +106,7 @@ struct Work {
  private:
   /// The association of the mesh, which may be snapped and curved.
   Expected<Association> associated(const geometry::Geometry& geometry) {
-    auto association = associate(mesh, geometry, team);
+    auto association = associate(mesh, geometry, curving_team);
     if (!association) return association;
     append(sentences, describe(mesh, *association, options.snap_tolerance));
     if (options.snap) {
@@ -111,10 +114,11 @@ struct Work {
       sentences.push_back(std::to_string(moved) + " nodes were moved onto the geometry.");
     }
     if (options.order == 0) return association;
-    auto curved = curve(mesh, *association, options.order, team);
+    auto curved = curve(mesh, *association, options.order, curving_team);
     if (!curved) return tl::unexpected(curved.error());
     append(sentences, curved->report.sentences());
     mesh = std::move(curved->mesh);
+    as_curved = mesh.coordinates;
     return std::move(curved->association);
   }
 
@@ -149,10 +153,16 @@ Expected<void> check_with_mesh(const HighOrderMesh& mesh, const GeometryOptions&
   return {};
 }
 
+using Reason = StopToken::Reason;
+
 /// @param model  null: the mesh's own boundary
 Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& options, const Team& team,
                                   const geometry::Geometry* model) {
-  Work work{mesh, options, options.slide, team, {}};
+  const StopToken asked(
+      [&] { return options.stop != nullptr && options.stop->stopped() && options.stop->reason() == Reason::Asked; });
+  Team curving_team(options.threads);
+  curving_team.set_stop(options.order > 0 ? &asked : options.stop);
+  Work work{mesh, options, options.slide, team, curving_team, {}};
   if (model != nullptr) work.sentences = model->notes;
   std::vector<double> coordinates = mesh.coordinates;
   std::optional<HighOrderMesh> straight;  // curving changes everything
@@ -167,8 +177,12 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
   try {
     done = model == nullptr ? work.run_on_boundary() : work.run(*model);
   } catch (const Interrupted&) {
-    go_back();
-    throw;
+    if (!work.as_curved) {
+      go_back();
+      throw;
+    }
+    mesh.coordinates = std::move(*work.as_curved);
+    work.sentences.emplace_back("Sliding was cut short, so boundary nodes stay where curving has put them.");
   }
   if (!done) {
     go_back();

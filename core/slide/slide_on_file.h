@@ -21,7 +21,8 @@ struct Geometry;
 /// (core/curve/curve.h). The mesh is unchanged after an error. Errors: BadInput if the file cannot be read, if nothing
 /// matches, or if the mesh lies in a plane or has another order; BadOption if check() refuses the options, if a group
 /// does not exist, or if OpenCASCADE is not installed. Throws Interrupted if the work is to stop; the mesh is then as
-/// it came.
+/// it came. Once a mesh has been curved, nothing is thrown: its nodes stay where curving has put them, and a sentence
+/// says so.
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
 
 /// What came of a mesh and a geometry.

@@ -17,8 +17,8 @@ namespace {
 
 /// Of the time that is left: what a run takes at most if another may follow.
 constexpr double kMostShare = 0.75;
-/// Of the time of a run: what the optimisation gets at least after sliding.
-constexpr double kLeastShare = 0.5;
+/// Of the time of a run: what sliding takes at most.
+constexpr double kMostToSlide = 0.75;
 /// A limit of time that is over. 0 would mean no limit.
 constexpr double kNoTime = 1e-9;
 
@@ -29,8 +29,9 @@ bool is_weak(const Result& result) { return left(result) > 0 || smallest(result)
 /// The runs on one mesh. What the constructor takes must outlive the object.
 class Runs {
  public:
+  /// @param spent  of the time limit, in seconds
   Runs(HighOrderMesh mesh, const Options& options, const GeometryOptions& geometry, const geometry::Geometry* model,
-       const OnIteration& on_iteration, const RunControl& control, const OnGeometryHooks& hooks)
+       double spent, const OnIteration& on_iteration, const RunControl& control, const OnGeometryHooks& hooks)
       : mesh_(std::move(mesh)),
         options_(options),
         geometry_(geometry),
@@ -38,7 +39,8 @@ class Runs {
         on_iteration_(on_iteration),
         control_(control),
         hooks_(hooks),
-        checkpoints_(control) {
+        checkpoints_(control),
+        spent_(spent) {
     geometry_.fix = options.fix;
   }
 
@@ -51,6 +53,10 @@ class Runs {
     is_first_ = false;
     if (!is_only_run) try_others();
     best_.result.stopped = best_.result.stopped || is_stopped_;
+    // Nodes have slid, so nobody need be told to let them.
+    if (!is_only_run)
+      std::erase_if(best_.result.left.remedies,
+                    [](const Remedy& remedy) { return remedy.flags.starts_with("--slide-on"); });
     return std::move(best_);
   }
 
@@ -121,8 +127,7 @@ class Runs {
       if (is_first_) tell_sentences(run.slid, std::nullopt);
     }
     const double seconds = watch.seconds();
-    if (options.time_limit > 0)
-      options.time_limit = std::max(kLeastShare * options.time_limit, options.time_limit - seconds);
+    if (options.time_limit > 0) options.time_limit = std::max(kNoTime, options.time_limit - seconds);
     const auto numbered = [before = iterations_, begun = spent_](Iteration iteration) {
       iteration.number += before;
       iteration.seconds += begun;
@@ -143,8 +148,7 @@ class Runs {
   /// Nothing if sliding was stopped. The mesh is then as it came, and a sentence says so.
   Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit) {
     StopToken stop(control_.stop_asked);
-    // A mesh that is not curved yet is no result.
-    if (limit > 0 && geometry_.order == 0) stop.stop_after(limit);
+    if (limit > 0) stop.stop_after(kMostToSlide * limit);
     GeometryOptions geometry = geometry_;
     geometry.slide = slide;
     geometry.coupled_seconds = limit / 2;
@@ -189,7 +193,7 @@ class Runs {
   ResultOnGeometry best_;
   bool is_first_ = true;
   int iterations_ = 0;       ///< Of all runs so far,
-  double spent_ = 0;         ///< and their seconds.
+  double spent_;             ///< and their seconds.
   bool is_stopped_ = false;  ///< A run after the first was stopped.
 };
 
@@ -200,13 +204,14 @@ Expected<ResultOnGeometry> optimise_on_geometry(HighOrderMesh mesh, const Option
                                                 const OnIteration& on_iteration, const RunControl& control,
                                                 const OnGeometryHooks& hooks) {
   if (auto fine = check(geometry); !fine) return tl::unexpected(fine.error());
+  const Stopwatch watch;
   Expected<geometry::Geometry> loaded;
   if (model == nullptr && !geometry.on_boundary()) {
     loaded = geometry::load(geometry.file);
     if (!loaded) return tl::unexpected(loaded.error());
     model = &*loaded;
   }
-  return Runs(std::move(mesh), options, geometry, model, on_iteration, control, hooks).run();
+  return Runs(std::move(mesh), options, geometry, model, watch.seconds(), on_iteration, control, hooks).run();
 }
 
 std::int64_t memory_needed_on_geometry(const HighOrderMesh& mesh, const Options& options,

@@ -256,8 +256,9 @@ std::string CoupledReport::sentence() const {
            ", but no mesh on the way was within the limits of distance, so the boundary stays as it slid.";
   if (outcome == Outcome::NoBetter)
     return "All nodes " + moved + ", but that made the mesh no better, so the boundary stays as it slid.";
-  return "Then all nodes " + moved + ": " + elements(left_after) +
-         " not certified valid now, and with the boundary as it slid " + std::to_string(left_before) + " would be.";
+  return "Then all nodes " + moved + ". Before the optimisation, " + elements(left_after) +
+         " not certified valid in this mesh, and " + std::to_string(left_before) +
+         " in the one with the boundary as it slid.";
 }
 
 SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,
