@@ -109,19 +109,17 @@ class Strangers(Row):
     def serve(self, attacked):
         super().serve(attacked)
         self.bomb = b"\xfa\xff\x03\x00" * ((4 << 20) // 4 - 16)
-        self.channels = [grpc.insecure_channel(attacked.address, [("grpc.use_local_subchannel_pool", 1)]) for _ in range(32)]
 
     def attack(self):
+        # An open connection keeps up to 4 MiB, so the memory afterwards is that without them.
+        channels = [grpc.insecure_channel(self.attacked.address, [("grpc.use_local_subchannel_pool", 1)]) for _ in range(32)]
         for method, code in (("/varimesh.v1.JobService/GetJob", grpc.StatusCode.UNAUTHENTICATED),
                              ("/grpc.health.v1.Health/Check", grpc.StatusCode.INVALID_ARGUMENT)):
-            calls = [channel.unary_unary(method, request_serializer=bytes).future(self.bomb, timeout=60) for channel in self.channels]
+            calls = [channel.unary_unary(method, request_serializer=bytes).future(self.bomb, timeout=60) for channel in channels]
             for call in calls:
                 assert call.exception().code() == code, call.exception()
-
-    def end(self):
-        for channel in self.channels:
+        for channel in channels:
             channel.close()
-        super().end()
 
 
 class Ended(Row):
