@@ -111,6 +111,30 @@ class Kubernetes(unittest.TestCase):
             self.assertEqual(replicas and replicas[1], workers)
 
 
+    def test_the_password_is_in_a_file_that_only_its_user_can_read(self):
+        if yaml is None:
+            self.skipTest("python3-yaml is missing")
+        text = subprocess.run(["kubectl", "kustomize", str(FARM / "kubernetes" / "overlays" / "small")], capture_output=True,
+                              text=True, timeout=60, check=True).stdout
+        self.assertNotIn("PGPASSWORD", text)
+        pods = [part["spec"]["template"]["spec"] for part in yaml.safe_load_all(text) if part["kind"] in ("Deployment", "Job")]
+        self.assertEqual(len(pods), 3)
+        for pod in pods:
+            (container,), (password,) = pod["containers"], pod["initContainers"]
+            self.assertIn({"name": "PGPASSFILE", "value": "/password/pgpass"}, container["env"])
+            self.assertNotIn("database", [mount["name"] for mount in container["volumeMounts"]])
+            with tempfile.TemporaryDirectory() as folder:
+                for name in ("database", "password"):
+                    (Path(folder) / name).mkdir()
+                (Path(folder) / "database" / "password").write_text("pass:wo\\rd&/")
+                *shell, command = password["command"]
+                command = command.replace("/database/", f"{folder}/database/").replace("/password/pgpass", f"{folder}/password/pgpass")
+                subprocess.run([*shell, command], check=True, timeout=20)
+                made = Path(folder) / "password" / "pgpass"
+                self.assertEqual(made.read_text().rstrip("\n"), "*:*:*:*:pass\\:wo\\\\rd&/")
+                self.assertEqual(made.stat().st_mode & 0o777, 0o600)
+
+
 class Helm(unittest.TestCase):
     """The chart says the same as the overlays of kustomize."""
 
@@ -147,7 +171,7 @@ class Helm(unittest.TestCase):
         chart = self.render("--set", "meshes.bucket=s3://meshes/farm?region=eu-1")
         self.assertNotIn(("PersistentVolumeClaim", "varimesh-meshes"), chart)
         worker = chart["Deployment", "varimesh-worker"]["spec"]["template"]["spec"]
-        self.assertEqual([volume["name"] for volume in worker["volumes"]], ["bucket", "tmp"])
+        self.assertEqual([volume["name"] for volume in worker["volumes"]], ["bucket", "tmp", "database", "password"])
         self.assertIn({"name": "AWS_SHARED_CREDENTIALS_FILE", "value": "/bucket/credentials"}, worker["containers"][0]["env"])
 
     def test_more_flags_and_other_numbers(self):
