@@ -193,7 +193,13 @@ void DirectoryMeshStore::lose(Entries::iterator entry, const std::string& why) {
       "disk.");
   for (const Form form : {Form::Plain, Form::Zstd})
     [[maybe_unused]] const bool moved = move_to_damaged(directory_, path_of(entry->first, form).filename().string());
-  if (entry->second.references == 0) return drop(entry);
+  if (entry->second.references == 0) {
+    // A file that could not be moved stays where it is: it may be all that is left of the mesh.
+    std::error_code ignored;
+    std::filesystem::remove(owners_of(entry->first), ignored);
+    entries_.erase(entry);
+    return;
+  }
   entry->second.lost = true;
   entry->second.pinned = false;
   entry->second.stored = 0;
@@ -205,6 +211,7 @@ DirectoryMeshStore::Entries::iterator DirectoryMeshStore::use(const std::string&
   // A client that is told that the store has the mesh does not send it again.
   struct stat status {};
   const bool is_there = ::lstat(path_of(digest, entry->second.form).c_str(), &status) == 0;
+  if (!is_there && errno != ENOENT) return entries_.end();  // the disk may answer the next time
   if (!is_there || !S_ISREG(status.st_mode) || status.st_size != entry->second.stored) {
     lose(entry, is_there ? "its size has changed" : "its file is missing");
     return entries_.end();

@@ -272,6 +272,18 @@ TEST_F(DamagedMesh, IsMovedAside) {
   EXPECT_TRUE(store_->open(referred_));
 }
 
+TEST_F(DamagedMesh, IsNotDeletedIfItCannotBeMoved) {
+  std::ofstream(directory_ / "damaged") << "a file where the folder should be";
+  flip_bit(pinned_, 0);
+  EXPECT_EQ(store_->open(pinned_).error().code, Failure::Code::DataLoss);
+  EXPECT_EQ(store_->open(pinned_).error().code, Failure::Code::NotFound);
+  std::string kept;
+  std::getline(std::ifstream(directory_ / pinned_), kept);
+  EXPECT_EQ(kept, "enother mesh");
+  EXPECT_EQ(upload("another mesh"), pinned_);
+  EXPECT_EQ(read_whole(*store_, pinned_), "another mesh");
+}
+
 TEST_F(DamagedMesh, IsNoneThatCannotBeReadForAMoment) {
   // A folder can be opened, but reading it fails, with EISDIR. Its size is that of the mesh.
   std::filesystem::create_directory(directory_ / "folder");
