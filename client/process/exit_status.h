@@ -19,6 +19,7 @@ enum ExitStatus {
   kInputRefused = 3,
   kInvalidLeft = 4,
   kServer = 5,
+  kStraightLeft = 6,
   kInterrupted = 130,
 };
 

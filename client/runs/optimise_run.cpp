@@ -169,6 +169,12 @@ int curve(OptimiseArguments arguments) {
   take_order(&arguments);
   v1::GeometryReport geometry;
   const int status = run(arguments, &geometry);
+  if (status == kDone && geometry.straight_elements() > 0) {
+    std::cerr << "varimesh: curved, but " << geometry.straight_elements()
+              << (geometry.straight_elements() == 1 ? " boundary element stays" : " boundary elements stay")
+              << " straight" << std::endl;
+    return kStraightLeft;
+  }
   if (status != kInvalidLeft || arguments.common.quiet) return status;
   for (const std::string& output : arguments.outputs)
     if (const std::string sentence = failed_surfaces(output, geometry); !sentence.empty()) {

@@ -75,6 +75,7 @@ struct Work {
   const Team& curving_team;
   std::vector<std::string> sentences;
   SlideReport report = {};
+  std::int64_t straight_elements = 0;
   std::optional<std::vector<double>> as_curved = std::nullopt;  ///< The coordinates before nodes slide.
 
   Expected<void> run(const geometry::Geometry& geometry) {
@@ -117,6 +118,7 @@ struct Work {
     auto curved = curve(mesh, *association, options.order, curving_team);
     if (!curved) return tl::unexpected(curved.error());
     append(sentences, curved->report.sentences());
+    straight_elements = curved->report.straight;
     mesh = std::move(curved->mesh);
     as_curved = mesh.coordinates;
     return std::move(curved->association);
@@ -188,7 +190,7 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
     go_back();
     return tl::unexpected(done.error());
   }
-  return SlidOnGeometry{std::move(work.sentences), work.report};
+  return SlidOnGeometry{std::move(work.sentences), work.report, work.straight_elements};
 }
 
 Team team_of(const GeometryOptions& options) {

@@ -29,6 +29,7 @@ Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const Geom
 struct SlidOnGeometry {
   std::vector<std::string> sentences;
   SlideReport report;
+  std::int64_t straight_elements = 0;  ///< CurveReport::straight, if the mesh was curved.
 };
 
 /// slide_on_file() on a geometry that has been read already, to the same bits. `options.file` is not looked at.

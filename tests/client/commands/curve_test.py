@@ -189,6 +189,20 @@ class Curve(WithFolder):
         by_face = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out)
         self.assertEqual(distances(done.stderr), distances(by_face.stderr))
 
+    def test_half_a_match_has_a_status_of_its_own(self):
+        # The mesh is one of a plate with another, larger hole.
+        other = BODIES["plate"][0].replace("0.4)", "0.5)")
+        model, straight = self.folder / "plate.step", self.folder / "straight.msh"
+        for body, path in ((other, model), (BODIES["plate"][0], self.folder / "own.step")):
+            make(body, path)
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(self.folder / "own.step"), str(straight)], check=True,
+                       capture_output=True)
+        done = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out)
+        self.assertEqual(done.returncode, 6, done.stderr)
+        self.assertRegex(done.stderr, r"varimesh: curved, but \d+ boundary elements stay straight\n")
+        self.assertRegex(done.stderr, r"they lie on surfaces [\d, ]+ of the mesh\. The boundary is curved at \d+ elements")
+        self.assertTrue(self.out.exists())
+
     def test_a_mesh_is_no_model(self):
         done = run("mesh", CASES / "disc_p4.msh", "--size", 0.5, "--order", 3, "-o", self.out)
         self.assertEqual(done.returncode, 3)

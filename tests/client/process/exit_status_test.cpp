@@ -13,7 +13,7 @@ TEST(ExitStatus, EachStatusHasOneMeaning) {
     EXPECT_TRUE(statuses.insert(one.status).second) << one.status;
     EXPECT_FALSE(one.meaning.empty()) << one.status;
   }
-  EXPECT_EQ(statuses, (std::set<int>{0, 1, 2, 3, 4, 5, 130}));
+  EXPECT_EQ(statuses, (std::set<int>{0, 1, 2, 3, 4, 5, 6, 130}));
 }
 
 TEST(ExitStatus, ErrorsArePrintedAndHaveAStatus) {
