@@ -77,6 +77,10 @@ bool is_lower(const Merit& a, const Merit& b, double margin) {
   return a.smallest < b.smallest - margin && a.mean < b.mean;
 }
 
+bool costs_shape(const Merit& a, const Merit& b) {
+  return a.smallest < threshold::kWanted && is_lower(a, b, threshold::kHigher);
+}
+
 bool has_higher_minimum(const Merit& a, const Merit& b) { return a.smallest > b.smallest + threshold::kHigher; }
 
 }  // namespace varimesh

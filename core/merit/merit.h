@@ -30,7 +30,7 @@ struct Merit {
   double smallest = -std::numeric_limits<double>::infinity();  ///< Of the cells' scaled Jacobians.
   double mean = -std::numeric_limits<double>::infinity();      ///< The same.
   double loss = std::numeric_limits<double>::infinity();       ///< Of accuracy (core/quality/accuracy/accuracy.h).
-  /// is_lower() than the mesh as it came, which was valid.
+  /// It costs_shape() of the mesh as it came, which was valid.
   bool lower_than_it_came = false;
 
   /// Worse than every mesh: the best one so far, before there is any.
@@ -85,6 +85,10 @@ bool is_better(const Merit& a, const Merit& b, const Asked& asked = {});
 /// Whether both the smallest, by more than `margin`, and the mean scaled Jacobian of `a` are below those of `b`. A mesh
 /// that came in valid does not leave lower than it came.
 bool is_lower(const Merit& a, const Merit& b, double margin = 0);
+
+/// The same with the objective accuracy: whether `a` is lower than `b`, by more than threshold::kHigher, and has
+/// elements that are worth some accuracy, below threshold::kWanted.
+bool costs_shape(const Merit& a, const Merit& b);
 
 /// Whether a mesh that came in valid has as low a loss of accuracy now as when it came.
 inline bool keeps_loss(const Merit& now, const Merit& as_it_came) { return now.loss <= as_it_came.loss; }

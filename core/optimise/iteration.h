@@ -26,8 +26,8 @@ struct Iteration {
   std::int64_t repairable_elements = 0;  ///< Those of them that are not unrepairable.
   std::int64_t left_elements = 0;        ///< Cells that would not be certified valid if the run ended here.
   std::int64_t active_nodes = 0;         ///< Free nodes visited.
-  int products = 0;  ///< Products of the Hessian and a vector: conjugate-gradient iterations. Phase::Accuracy: steps of
-                     ///< L-BFGS.
+  int products = 0;                      ///< Products of the Hessian and a vector: conjugate-gradient iterations, in
+                                         ///< Phase::Accuracy too.
   LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.
   double seconds = 0;                            ///< Since the optimisation began.
   /// Groups of tetrahedra without room that the last look for splits has found; −1 before any look.

@@ -7,7 +7,9 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/merit/thresholds.h"
 #include "core/mesh/changes/straight_sides.h"
+#include "core/problem/node_conversion.h"
 #include "core/quality/accuracy/accuracy.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
 
@@ -44,6 +46,8 @@ std::string layers_text(const LayerStart& layers, LayerSpacing spacing) {
   return text + (layers.held.empty() ? "Elements are left to be repaired, so all nodes may move."
                                      : "Nodes that lie on such surfaces stay.");
 }
+
+constexpr int kMostDescents = 6;
 
 std::string pair_text(const QualityReport& report) {
   char text[64];
@@ -187,7 +191,9 @@ void Run::raise_low() {
   if (asked.what == Asked::What::Loss && !outcome.interrupted && are_valid(certificates_)) raise_to(asked.bound);
   if (outcome.interrupted) grace_.say_stopped(result_);
   if (made_valid.empty() && outcome.raised.empty()) return;
-  if (came_valid() && !keeps_loss({.loss = accuracy(result_.mesh, team_.threads()).loss}, merit_of(at_start_))) {
+  const std::vector<double>& start = set_up_.mesh.coordinates;
+  if (came_valid() &&
+      local_loss(set_up_.mesh, result_.mesh.coordinates, team_) > local_loss(set_up_.mesh, start, team_)) {
     result_.mesh.coordinates = coordinates;
     certificates_ = before;
     return;
@@ -216,9 +222,8 @@ void Run::straighten_result() {
 
 void Run::keep_the_better() {
   if (!came_valid()) return;
-  // The descent itself chooses by the loss.
-  const bool had_no_descent = !result_.history.empty() && result_.history.back().phase != Phase::Accuracy;
-  if (is_for_accuracy() && had_no_descent && !keeps_loss(merit_of(result_.after), merit_of(at_start_)))
+  // The descent chooses by the local loss.
+  if (is_for_accuracy() && !keeps_loss(merit_of(result_.after), merit_of(at_start_)))
     keep_as_it_came("where the run ended, its loss of accuracy was not lower.");
   if (options_.target != Target::StraightSided) return;
   QualityReport before = at_start_;
@@ -226,8 +231,8 @@ void Run::keep_the_better() {
     before = quick_quality(set_up_.mesh, certificates_, team_);
   const bool lost_minimum =
       options_.objective == Objective::Worst && has_higher_minimum(merit_of(before), merit_of(result_.after));
-  if (!lost_minimum && !is_lower(merit_of(result_.after), merit_of(before), is_for_accuracy() ? threshold::kHigher : 0))
-    return;
+  const Merit after = merit_of(result_.after), came = merit_of(before);
+  if (!lost_minimum && !(is_for_accuracy() ? costs_shape(after, came) : is_lower(after, came))) return;
   const bool is_optimum = result_.converged && !is_for_accuracy();
   std::string why = "its smallest and its mean scaled Jacobian are " + pair_text(before) + ", and " +
                     (is_optimum ? "at the energy's optimum" : "where the run ended") + " they would be " +
@@ -248,6 +253,89 @@ void Run::keep_as_it_came(std::string why) {
 bool was_cut_short(const RunSummary& result) {
   return result.stop_reason == StopReason::TimeLimit || result.stop_reason == StopReason::Iterations ||
          result.stop_reason == StopReason::Stopped;
+}
+
+// ===== the descents to the least loss of accuracy =====
+
+DescentContext Run::descent_context() {
+  return {set_up_.mesh,
+          set_up_.problem,
+          *set_up_.stages[0].kernels,
+          *set_up_.stages[0].hessian,
+          material(options_),
+          *guard_,
+          *certifier_,
+          team_,
+          asked_by(options_),
+          came_valid() || descents_ > 0,
+          came_valid() && options_.target == Target::StraightSided ? &at_start_ : nullptr,
+          {},
+          control_.meter};
+}
+
+bool Run::begin_descent() {
+  if (descent_) return true;
+  team_.run([&] {
+    stage_run_->free_methods();
+    descent_.emplace(descent_context());
+  });
+  if (descent_->begin()) return true;
+  if (descent_->best().merit.uncertified > 0) result_.notes.emplace_back(Descent::kNotWorthIt);
+  return false;
+}
+
+void Run::lower_loss() {
+  bool last = !begin_descent();
+  result_.stop_reason = StopReason::Converged;
+  do {
+    descend(last);
+  } while (descends_again(last));
+  result_.converged = result_.stop_reason == StopReason::Converged;
+  note_last_iteration();
+}
+
+void Run::descend(bool last) {
+  const auto may_go_on = [&] {
+    if (!last && stage_run_->last().number >= options_.max_iterations) result_.stop_reason = StopReason::Iterations;
+    return !last && result_.stop_reason == StopReason::Converged;
+  };
+  const std::uint64_t fingerprint = fingerprint_of_stage();
+  while (may_go_on()) {
+    if (control_.threads) team_.set_threads(control_.threads());
+    const DescentRound round = descent_->round();
+    last = round.last;
+    stage_run_->add(round);
+    if (!last && descents_ == 0 && control_.checkpoint_due && control_.checkpoint_due(stage_run_->last()))
+      control_.save_checkpoint(stage_run_->last(), [&](const CheckpointSink& sink) {
+        return stage_run_->write(sink, fingerprint, [this](CheckpointWriter& writer) { descent_->write(writer); });
+      });
+    result_.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
+    if (!result_.stopped) continue;
+    result_.stop_reason = StopReason::Stopped;
+    break;
+  }
+}
+
+bool Run::descends_again(bool& last) {
+  const bool ended = result_.stop_reason == StopReason::Converged && options_.target == Target::StraightSided;
+  const bool has_old_targets = !came_valid() && descents_ == 0 && descent_->best().merit.uncertified == 0;
+  if (!ended || !(descent_->has_gained() || has_old_targets) || descents_ + 1 == kMostDescents) return false;
+  most_accurate_ = descent_->take_best();
+  std::vector<double> factors = descent_->factors();
+  descent_.reset();
+  std::vector<double> before = std::exchange(set_up_.mesh.coordinates, most_accurate_.coordinates);
+  if (++descents_ == 1) before_descents_ = std::move(before);
+  team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
+  choose_targets(set_up_, *certifier_, frame_, team_);
+  result_.proof_seconds += guard_->seconds();
+  team_.run([&] {
+    guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, most_accurate_.certificates, team_);
+    DescentContext context = descent_context();
+    context.factors = std::move(factors);
+    descent_.emplace(context);
+  });
+  last = !descent_->begin();
+  return true;
 }
 
 }  // namespace varimesh

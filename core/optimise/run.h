@@ -89,11 +89,7 @@ class Run {
   void try_to_end_here();
   double consider();
   bool raised_enough();
-  /// Objective::Accuracy, after the only stage: the rounds of the descent.
-  void lower_loss();
   bool can_lower_loss();
-  bool begin_descent();
-  DescentContext descent_context();
   /// Sets what the result says about the iterations so far.
   void note_last_iteration();
   /// The token of the run has interrupted a stage, or the beginning of one.
@@ -107,6 +103,18 @@ class Run {
   void settle();
   void take_mesh();
   std::uint64_t fingerprint_of_stage() const;
+
+  // ===== run.cpp: the descents of Objective::Accuracy, after the only stage =====
+
+  void lower_loss();
+  bool begin_descent();
+  DescentContext descent_context();
+  /// The rounds of a descent. `last`: there are none.
+  void descend(bool last);
+  /// Begins the descent once more from the mesh that the last one has made, as another run would: with targets from
+  /// that mesh. The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to
+  /// nothing. `last`: there is nothing to gain. No checkpoint is taken in these descents.
+  bool descends_again(bool& last);
 
   SetUp& set_up_;
   const Options& options_;
@@ -130,7 +138,9 @@ class Run {
   std::optional<BestMesh> best_;
   std::optional<StageRun> stage_run_;
   std::optional<Descent> descent_;
-  Descent::State most_accurate_;  ///< Of the descent; without coordinates if there was none.
+  int descents_ = 0;                     ///< Those before the present one.
+  std::vector<double> before_descents_;  ///< With descents_ > 0, the coordinates of set_up_.mesh before the first.
+  Descent::State most_accurate_;         ///< Of the descent; without coordinates if there was none.
 };
 
 /// Whether a limit or the caller has ended the run.

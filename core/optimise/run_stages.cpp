@@ -209,58 +209,6 @@ bool Run::can_lower_loss() {
   return guard_->unrepaired() == 0 || !control_.shallow_untangling;
 }
 
-DescentContext Run::descent_context() {
-  return {set_up_.mesh,
-          set_up_.problem,
-          *set_up_.stages[0].kernels,
-          *set_up_.stages[0].hessian,
-          material(options_),
-          *guard_,
-          *certifier_,
-          team_,
-          asked_by(options_),
-          came_valid(),
-          came_valid() && options_.target == Target::StraightSided ? &at_start_ : nullptr,
-          control_.meter};
-}
-
-bool Run::begin_descent() {
-  if (descent_) return true;
-  team_.run([&] {
-    stage_run_->free_methods();
-    descent_.emplace(descent_context());
-  });
-  if (descent_->begin()) return true;
-  if (descent_->best().merit.uncertified > 0) result_.notes.emplace_back(Descent::kNotWorthIt);
-  return false;
-}
-
-void Run::lower_loss() {
-  bool last = !begin_descent();
-  result_.stop_reason = StopReason::Converged;
-  const auto may_go_on = [&] {
-    if (!last && stage_run_->last().number >= options_.max_iterations) result_.stop_reason = StopReason::Iterations;
-    return !last && result_.stop_reason == StopReason::Converged;
-  };
-  const std::uint64_t fingerprint = fingerprint_of_stage();
-  while (may_go_on()) {
-    if (control_.threads) team_.set_threads(control_.threads());
-    const DescentRound round = descent_->round();
-    last = round.last;
-    stage_run_->add(round);
-    if (!last && control_.checkpoint_due && control_.checkpoint_due(stage_run_->last()))
-      control_.save_checkpoint(stage_run_->last(), [&](const CheckpointSink& sink) {
-        return stage_run_->write(sink, fingerprint, [this](CheckpointWriter& writer) { descent_->write(writer); });
-      });
-    result_.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
-    if (!result_.stopped) continue;
-    result_.stop_reason = StopReason::Stopped;
-    break;
-  }
-  result_.converged = result_.stop_reason == StopReason::Converged;
-  note_last_iteration();
-}
-
 void Run::note_last_iteration() {
   result_.iterations = stage_run_->last().number;
   result_.residual = stage_run_->last().residual;
@@ -279,7 +227,7 @@ void Run::finish_stages() {
     result_.seconds = stage_run_->seconds();
     result_.history = stage_run_->take_history();
     raised_ = stage_run_->take_raised();
-    if (descent_) most_accurate_ = descent_->take_best();
+    if (descent_ && !descent_->best().coordinates.empty()) most_accurate_ = descent_->take_best();
     descent_.reset();
     stage_run_.reset();  // frees what Newton's method needed
     drop_deformation(set_up_.problem);
@@ -291,6 +239,7 @@ void Run::finish_stages() {
                     team_.run([&] { guard_->return_to_best(); });
                   });
     take_mesh();
+    if (descents_ > 0) set_up_.mesh.coordinates = std::move(before_descents_);
     result_.seconds += watch.seconds();
   } else {  // interrupted before the first stage: the mesh as it came, with the certificates that it has
     result_.mesh.coordinates = set_up_.mesh.coordinates;

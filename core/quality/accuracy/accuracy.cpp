@@ -2,6 +2,7 @@
 #include "core/quality/accuracy/accuracy.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -143,6 +144,25 @@ Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates
   found.loss = root(sum);
   for (double& part : found.modal_parts) part = root(part);
   return found;
+}
+
+double local_wave(const HighOrderMesh& mesh) {
+  const auto cells = static_cast<double>(std::max<std::size_t>(mesh.element_count(mesh.dimension), 1));
+  return std::pow(cells, -1.0 / mesh.dimension);
+}
+
+double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
+  const CellAccuracy cells = measure(mesh, coordinates, team);
+  const double wave = local_wave(mesh);
+  double sum = 0;
+  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
+    double weight = 1;
+    for (std::size_t part = cells.parts; part-- > 0;) {
+      const double value = cells.modal_parts[cell * cells.parts + part];
+      sum += (weight *= wave * wave) * value * value;
+    }
+  }
+  return cells.loss.empty() ? 0 : std::sqrt(sum / static_cast<double>(cells.loss.size()));
 }
 
 CellAccuracy cell_accuracy(const HighOrderMesh& mesh, int threads) { return cell_accuracy(mesh, Team(threads)); }

@@ -8,14 +8,17 @@
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/solvers/descent/has_loss.h"
+#include "core/solvers/descent/loss_around.h"
 #include "core/solvers/maxmin/kept_raiser.h"
+#include "core/solvers/newton_method.h"
 
 namespace varimesh {
 namespace {
 
-/// ε_e is the squared loss times this. Ten times as much costs 3 % of the loss on the first meshes of docs/accuracy.md;
-/// a third leaves the scaled Jacobian of some elements .05 lower.
-constexpr double kWeight = 3;
+/// ε_e is the squared loss around times this.
+constexpr double kWeight = 1;
+/// How much vertices are held beside the energy.
+constexpr double kHold = 10;
 constexpr double kRaise = 4;
 constexpr int kMostRaises = 8;
 /// If the bound on the scaled Jacobian is in reach (threshold::kInReach), more rounds are worth it: in thin prisms of
@@ -26,13 +29,17 @@ constexpr std::int64_t kLooksPerRound = 20'000;
 /// A round that raises the loss by more than threshold::kRises, and the minimum of the scaled Jacobian not at all, has
 /// left what the frames at its beginning say. It is taken back, and ε_e gets this many times as large.
 constexpr double kCaution = 10;
-/// L-BFGS ends when a whole step would lower the sum by about this share of it.
-constexpr double kLittle = 1e-3;
-constexpr int kMostSteps = 40;
-constexpr int kMostTrials = 12;
-constexpr double kNoise = 1e-13;  // of the sum
-constexpr std::size_t kNodesPerTask = 4096;
-constexpr std::size_t kCellsPerSum = 512;
+/// More weight for low cells is given again if it has raised the minimum by this.
+constexpr double kWorthMore = 0.01;
+/// The rounds end when what is left moves no node by more than this, in units of the size of the cells around it.
+constexpr double kSettled = 1e-3;
+/// Newton steps of a round that move a node by more than this are followed by another one. Shorter ones are not: the
+/// next round has other frames.
+constexpr double kLongStep = 0.1;
+constexpr int kMostSteps = 8;
+constexpr int kMostSettling = 12;  ///< Rounds that change no factor.
+constexpr int kMostProducts = 300;
+constexpr int kFewProducts = 3;
 
 }  // namespace
 
@@ -42,18 +49,16 @@ Descent::Descent(const DescentContext& context)
       team_(context.team),
       from_(free_positions(problem_, problem_.positions)),
       space_(own_space(problem_)),
-      form_(problem_, space_, team_),
+      form_(problem_, space_, local_wave(context.mesh), team_),
       barrier_(problem_, context.kernels, context.hessian, PNorm{}, team_),
       levels_(problem_, context.mesh, space_, team_),
-      quasi_newton_(problem_.free.size() * problem_.dimension, team_),
-      factors_(problem_.cells, 1.0),
+      objective_(problem_, barrier_, form_, levels_, context.material, team_),
+      factors_(context.factors.empty() ? std::vector<double>(problem_.cells, 1.0) : context.factors),
       weights_(problem_.cells),
-      start_(problem_.free.size() * problem_.dimension),
-      work_(start_.size()),
       lost_(problem_.cells, 0),
       uncertified_(problem_.cells, 0),
       asked_(context.asked) {
-  barrier_.weigh(weights_, form_.volume());
+  barrier_.weigh(weights_, problem_.cells);
   barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
   const std::vector<Standing> standings = context.guard.standings();
   for (CellSet& set : problem_.sets)
@@ -89,7 +94,7 @@ void Descent::start_from(State state) {
 }
 
 bool Descent::stays_invalid_for_size() const {
-  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.merit.loss, team_);
+  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.coordinates, team_);
 }
 
 Descent::State Descent::kept_state() const {
@@ -99,16 +104,16 @@ Descent::State Descent::kept_state() const {
     state.certificates = context_.guard.certificates();
     judge(state);
   });
-  state.merit.loss = accuracy(context_.mesh, state.coordinates, team_).loss;
+  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
   state.merit.lower_than_it_came = lowers(state);
   return state;
 }
 
 bool Descent::lowers(const State& state) const {
   // To sample the mesh takes long, and no sample is below what is proved.
-  if (!context_.least || state.merit.smallest >= context_.least->min_scaled_jacobian) return false;
-  return is_lower(merit_of(scaled_jacobians(context_.mesh, state.coordinates, team_)), merit_of(*context_.least),
-                  threshold::kHigher);
+  if (!context_.least || state.merit.smallest >= std::min(threshold::kWanted, context_.least->min_scaled_jacobian))
+    return false;
+  return costs_shape(merit_of(scaled_jacobians(context_.mesh, state.coordinates, team_)), merit_of(*context_.least));
 }
 
 Descent::State Descent::state_as_it_came() const {
@@ -119,7 +124,7 @@ Descent::State Descent::state_as_it_came() const {
     context_.certifier.certify(state.coordinates, state.certificates, team_);
     judge(state);
   });
-  state.merit.loss = accuracy(context_.mesh, team_).loss;
+  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
   return state;
 }
 
@@ -130,53 +135,42 @@ void Descent::judge(State& state) const {
   state.merit.smallest = proved.smallest;
 }
 
-void Descent::set_weights(double loss) {
+void Descent::set_weights() {
   const Material& m = context_.material;
   const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
-  for (std::size_t cell = 0; cell < weights_.size(); ++cell)
-    weights_[cell] = caution_ * kWeight * loss * loss * factors_[cell];
-  std::vector<double> stiff(weights_);
-  for (double& one : stiff) one *= stiffness;
+  objective_.form();
+  const std::vector<double> around = loss_around(problem_, form_.squared_losses());
+  std::vector<double> stiff(weights_.size()), hold(weights_.size());
+  for (const CellSet& set : problem_.sets)
+    for (std::int32_t i = 0; i < set.count; ++i) {
+      const std::size_t cell = static_cast<std::size_t>(set.first) + i;
+      const double share = caution_ * kWeight * around[cell], weight = share * factors_[cell];
+      const double size = problem_.cell_size[cell];
+      weights_[cell] = weight / cell_measure(set, i);
+      stiff[cell] = stiffness * weight;
+      hold[cell] = kHold * share / (size * size);  // what raises a cell must be able to move its vertices
+    }
   levels_.take_diagonals(form_, stiff);
-}
-
-double Descent::evaluate(std::span<double> gradient) {
-  barrier_.gradient(gradient);
-  const double energy = barrier_.value();
-  if (!std::isfinite(energy)) return energy;
-  const double loss = form_.gradient(work_);
-  team_.for_ranges(gradient.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) gradient[i] += work_[i];
-  });
-  return energy + loss;
-}
-
-void Descent::move(double alpha, std::span<const double> step) {
-  const std::size_t d = problem_.dimension;
-  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f)
-      for (std::size_t k = 0; k < d; ++k)
-        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step[f * d + k];
-  });
-}
-
-double Descent::largest(std::span<const double> step) const {
-  const std::size_t d = problem_.dimension;
-  double largest = 0;
-  for (std::size_t f = 0; f < problem_.free.size(); ++f) {
-    double square = 0;
-    for (std::size_t k = 0; k < d; ++k) square += step[f * d + k] * step[f * d + k];
-    largest = std::max(largest, std::sqrt(square) * problem_.inverse_size[f]);
-  }
-  return largest;
+  objective_.hold_vertices(hold, from_);
 }
 
 void Descent::minimise(DescentRound& round) {
-  const QuasiNewtonOutcome outcome = quasi_newton_.minimise(*this, {kMostSteps, kMostTrials, kLittle, kNoise});
-  if (first_gradient_ == 0) first_gradient_ = outcome.first_gradient;
-  round.steps = outcome.steps;
-  round.residual = outcome.residual;
-  round.relative_gradient = first_gradient_ > 0 ? outcome.last_gradient / first_gradient_ : 0;
+  NewtonRules rules;
+  rules.most_products = kMostProducts;
+  rules.few_products = kFewProducts;
+  const std::vector<double> start = free_positions(problem_, problem_.positions);
+  NewtonMethod method(objective_, rules);
+
+  for (int step = 0; step < kMostSteps; ++step) {
+    const NewtonOutcome outcome = method.step();
+    if (first_gradient_ == 0) first_gradient_ = outcome.gradient_norm;
+    round.steps += outcome.products;
+    round.relative_gradient = first_gradient_ > 0 ? outcome.gradient_norm / first_gradient_ : 0;
+    if (outcome.damping == 0 || (outcome.damping == 1 && outcome.residual <= kLongStep)) break;
+  }
+  std::vector<double> moved = free_positions(problem_, problem_.positions);
+  for (std::size_t i = 0; i < moved.size(); ++i) moved[i] -= start[i];
+  round.residual = objective_.largest(moved);
 }
 
 void Descent::keep_certificates() {
@@ -193,14 +187,18 @@ void Descent::keep_certificates() {
   if (context_.guard.lost() > 0) context_.guard.return_to_kept();
 }
 
-std::int64_t Descent::raise_low(double wanted) {
+std::int64_t Descent::raise_low(double wanted, double margin, const std::vector<Certificate>& certificates) {
   std::int64_t low = 0;
   const std::span<const CellScan> scans = barrier_.scans();
-  for (std::size_t cell = 0; cell < factors_.size(); ++cell) {
-    if (uncertified_[cell] != 0 || (lost_[cell] == 0 && scans[cell].scaled_jacobian >= wanted)) continue;
-    factors_[cell] *= kRaise;
-    ++low;
-  }
+  for (const CellSet& set : problem_.sets)
+    for (std::int32_t i = 0; i < set.count; ++i) {
+      const std::size_t cell = static_cast<std::size_t>(set.first) + i;
+      const bool may_be_low = certificates[set.mesh_cell[i]].scaled_jacobian_lower_bound < wanted;
+      const bool is_low = may_be_low && scans[cell].scaled_jacobian < wanted + margin;
+      if (uncertified_[cell] != 0 || (lost_[cell] == 0 && !is_low)) continue;
+      factors_[cell] *= kRaise;
+      ++low;
+    }
   return low;
 }
 
@@ -231,8 +229,8 @@ void Descent::state(Archive& archive) {
   std::vector<double> accepted;
   if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
   archive(factors_, first_gradient_, start_loss_, last_loss_, asked_.least_loss, raises_, caution_, raises_lost_,
-          accepted, accepted_loss_, accepted_js_, asked_.highest_minimum, best_.coordinates, best_.merit.uncertified,
-          best_.merit.smallest, best_.merit.loss);
+          settling_, best_settling_, settled_js_, last_move_, accepted, accepted_loss_, accepted_js_,
+          asked_.highest_minimum, best_.coordinates, best_.merit.uncertified, best_.merit.smallest, best_.merit.loss);
   if constexpr (Archive::kReads)
     if (archive.failed() || !restore(accepted)) archive.fail();
 }
@@ -298,11 +296,33 @@ void Descent::take_back() {
   });
 }
 
+/// Whether the rounds have come to their end. Each is shorter than the one before by about the same factor, so what is
+/// left is the sum of a geometric series.
+bool Descent::has_settled(double move) const {
+  const double left = move < last_move_ / 2 ? move * move / (last_move_ - move) : move;
+  return left <= kSettled || settling_ >= kMostSettling;
+}
+
+/// Whether this is a mesh that a round has made from the best one with the same factors: nearer to where such rounds
+/// lead, and as good.
+bool Descent::refines(const Merit& merit) const {
+  if (!best_settling_ || (merit.smallest >= asked_.bound) != reaches_bound(best_)) return false;
+  Merit best = best_.merit;
+  best.smallest = merit.smallest;
+  best.loss *= threshold::kLossGivenForMinimum;
+  return !is_better(best, merit, asked_);
+}
+
+bool Descent::has_gained() const {
+  return best_.merit.uncertified == 0 && best_.merit.loss < threshold::kFalls * start_loss_;
+}
+
 DescentRound Descent::round() {
   DescentRound round;
   team_.run([&] {
     form_.take_frames();
-    set_weights(last_loss_);
+    objective_.forget_form();
+    set_weights();
     minimise(round);
     keep_certificates();
   });
@@ -318,19 +338,36 @@ DescentRound Descent::round() {
   const bool reaches = is_acceptable(state);
   // The scans see the quadrature points only.
   const double margin = std::max(0.0, round.min_scaled_jacobian - merit.smallest);
-  const double bound = std::max(asked_.bound, merit.lower_than_it_came ? context_.least->min_scaled_jacobian : 0);
-  const std::int64_t low = raise_low((reaches ? std::max(threshold::kWanted, bound) : bound) + margin);
+  const double bound = std::max(
+      asked_.bound, merit.lower_than_it_came ? std::min(threshold::kWanted, context_.least->min_scaled_jacobian) : 0);
+  // Where the bound is reached, more weight for low cells waits until the rounds have come to an end with the present
+  // weights. It is given once more only if it has raised the minimum.
+  const bool settled = has_settled(round.residual);
+  const bool wants_more = reaches && settled;
+  const std::int64_t low =
+      raise_low(wants_more ? std::max(threshold::kWanted, bound) : bound, margin, state.certificates);
+  const bool is_futile =
+      settled && low > 0 && merit.smallest < settled_js_ + (reaches ? kWorthMore : threshold::kHigher);
+  if (settled) settled_js_ = merit.smallest;
   raises_ += low > 0 ? 1 : 0;
   if (reaches) asked_.least_loss = std::min(asked_.least_loss, merit.loss);
-  const bool costs = reaches && merit.loss > threshold::kLossGivenForMinimum * asked_.least_loss;
+  const bool has_come_to_end = settled || settled_js_ > -1;
+  const bool costs = reaches && has_come_to_end && merit.loss > threshold::kLossGivenForMinimum * asked_.least_loss;
   const bool in_reach = !reaches && merit.smallest >= threshold::kInReach * asked_.bound;
   const bool falls = merit.loss < threshold::kFalls * last_loss_;
   // If all cells are certified, but far below the bound in every mesh so far, more weight for low cells is worth it
   // only as long as something gains.
   const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.merit.uncertified > 0;
-  round.last = (low == 0 && !falls) || !gains || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
+  settling_ = low == 0 ? settling_ + 1 : 0;
+  last_move_ = low == 0 ? round.residual : 0;
+  round.last =
+      (low == 0 && settled) || is_futile || !gains || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, merit.loss);
-  if (is_better(state.merit, best_.merit, asked_)) best_ = std::move(state);
+  if (refines(state.merit) || is_better(state.merit, best_.merit, asked_)) {
+    best_ = std::move(state);
+    best_settling_ = true;
+  }
+  if (low > 0) best_settling_ = false;
   if (round.last && begin_to_raise_lost()) round.last = false;
   return round;
 }

@@ -11,11 +11,11 @@
 #include "core/merit/merit.h"
 #include "core/quality/quality.h"
 #include "core/solvers/checkpoint.h"
+#include "core/solvers/descent/loss_objective.h"
 #include "core/solvers/descent/modal_form.h"
 #include "core/solvers/descent/order_levels.h"
 #include "core/solvers/descent/order_space.h"
 #include "core/solvers/guard/guard.h"
-#include "core/solvers/quasi_newton.h"
 #include "core/terms/cell_energy.h"
 #include "core/validity/certifier.h"
 
@@ -36,28 +36,35 @@ struct DescentContext {
   /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
   /// smaller mean. Null: there is no such demand.
   const QualityReport* least = nullptr;
+  /// By cell: what ε_e is raised by at the begin. Empty: by nothing.
+  std::vector<double> factors = {};
   WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
 };
 
 /// What one round did.
 struct DescentRound {
-  double residual = 0;             ///< The largest displacement of a node in the last step, in units of the size of the
+  double residual = 0;             ///< The largest displacement of a node in the round, in units of the size of the
                                    ///< cells around it (sizes.h).
   double relative_gradient = 0;    ///< The norm of the last gradient relative to the first one of the descent.
   double energy = 0;               ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
   double min_scaled_jacobian = 0;  ///< At the quadrature points.
-  int steps = 0;                   ///< Of the quasi-Newton method.
+  int steps = 0;                   ///< Products of the second derivative.
   bool last = false;               ///< Another round would gain nothing.
 };
 
 /// Minimises over the free nodes
 ///
-///     Q(x) + 1/V Σ_e ε_e ∫_e W(F) dx,
+///     Q(x) + 1/N Σ_e ε_e [1/V_e ∫_e W(F) + 10 mean over the vertices v of e of |x_v − X_v|²/h_e²],
 ///
-/// Q being the squared loss of accuracy (modal_form.h). Q alone keeps no cell valid; the energy does, as a barrier. A
-/// round is a minimisation by L-BFGS with given ε_e and with Q's frames taken from the mesh at its beginning. At first
-/// ε_e is the same for all cells, the squared loss times a constant, and falls with the loss from round to round. After
-/// a round, the cells whose scaled Jacobian is too low take four times their ε_e. docs/accuracy.md has the figures.
+/// Q being the squared local loss of accuracy (modal_form.h), N the number of cells, V_e their volumes and h_e their
+/// heights. Q alone keeps no cell valid; the energy does, as a barrier. Q does not know where vertices are. The last
+/// term keeps them near X_v, where they were at the begin, so what is far from a node does not move it. ε_e is the
+/// squared loss of the cells around (loss_around.h) times a constant, so it falls from round to round, and cells far
+/// away do not change it.
+///
+/// A round is a minimisation by Newton's method with given ε_e and with Q's frames taken from the mesh at its
+/// beginning. The rounds end when one moves no node any more. After a round, the cells whose scaled Jacobian is too low
+/// take four times their ε_e. docs/accuracy.md has the figures.
 ///
 /// Q knows the frames at the beginning of a round only. If the loss has risen by much at its end, as it does in thin
 /// cells that move far, the mesh goes back to that beginning and ε_e becomes larger in all cells.
@@ -65,7 +72,7 @@ struct DescentRound {
 /// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. If the rounds
 /// end like that below the bound on the scaled Jacobian, more rounds follow, in which such cells are first raised in
 /// small patches (kept_raiser.h). The best mesh so far is kept whatever the rounds after it do.
-class Descent : private Smooth {
+class Descent {
  public:
   /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
   /// The team's token may interrupt all of them.
@@ -100,6 +107,12 @@ class Descent : private Smooth {
   /// state of that moment. Inside team.run(). The reader has failed if the checkpoint is of another problem.
   static void read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader);
 
+  /// Whether the best mesh has a lower loss than the mesh at the begin, by more than next to nothing, and is valid.
+  bool has_gained() const;
+
+  /// By cell: what ε_e has been raised by.
+  const std::vector<double>& factors() const { return factors_; }
+
   State take_best() { return std::move(best_); }
 
  private:
@@ -118,17 +131,14 @@ class Descent : private Smooth {
   }
   void start_from(State state);
   bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
-  void set_weights(double loss);
-  // The sum at problem.positions, for the quasi-Newton method:
-  double evaluate(std::span<double> gradient) override;
-  void precondition(std::span<const double> r, std::span<double> z) override { levels_.apply(r, z); }
-  void mark() override { start_ = free_positions(problem_, problem_.positions); }
-  void move(double alpha, std::span<const double> step) override;
-  double largest(std::span<const double> step) const override;
+  void set_weights();
   void minimise(DescentRound& round);
+  bool has_settled(double move) const;
+  bool refines(const Merit& merit) const;
   void keep_certificates();
-  /// Gives cells with a low scaled Jacobian more weight; returns how many there are.
-  std::int64_t raise_low(double wanted);
+  /// Gives cells with a scaled Jacobian below `wanted` more weight; returns how many there are. `margin`: how far the
+  /// scans, which see quadrature points only, may be above the smallest value of a cell.
+  std::int64_t raise_low(double wanted, double margin, const std::vector<Certificate>& certificates);
   void note_scans(DescentRound& round) const;
   void accept(const State& state);
   template <class Archive>
@@ -144,12 +154,11 @@ class Descent : private Smooth {
   std::vector<double> from_;  ///< Where the free nodes were at the begin.
   OrderSpace space_;
   ModalForm form_;
-  CellEnergy barrier_;  ///< 1/V Σ_e ε_e ∫ W(F) dx
+  CellEnergy barrier_;  ///< 1/N Σ_e ε_e/V_e ∫ W(F) dx
   OrderLevels levels_;
-  QuasiNewton quasi_newton_;
-  std::vector<double> factors_;  ///< By cell: what ε_e has been raised by.
-  std::vector<double> weights_;  ///< By cell: ε_e.
-  std::vector<double> start_, work_;
+  LossObjective objective_;
+  std::vector<double> factors_;    ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;    ///< By cell: ε_e/V_e.
   std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
   std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
@@ -157,6 +166,10 @@ class Descent : private Smooth {
   int raises_ = 0;                ///< Also counts the rounds that were taken back.
   double caution_ = 1;            ///< What all ε_e are raised by.
   bool raises_lost_ = false;      ///< A round raises the cells that lost their certificate before they are put back.
+  int settling_ = 0;              ///< Rounds since one changed a factor.
+  double settled_js_ = -1;        ///< The minimum of the scaled Jacobian when they last came to an end.
+  double last_move_ = 0;          ///< Of the round before, 0 if that has changed a factor.
+  bool best_settling_ = false;    ///< The best mesh is from these rounds.
   std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
   double accepted_loss_ = 0, accepted_js_ = -1;
   Asked asked_;

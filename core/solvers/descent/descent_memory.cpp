@@ -7,7 +7,6 @@
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/quality_memory.h"
 #include "core/reference/nodes.h"
-#include "core/solvers/quasi_newton.h"
 #include "core/validity/certificate.h"
 
 namespace varimesh {
@@ -30,7 +29,7 @@ std::int64_t bytes_of_space(const MeshCounts& counts, int order) {
 
 std::int64_t bytes_of_form(const MeshCounts& counts) {
   constexpr std::int64_t kMetric = sizeof(std::array<double, 6>);
-  return kDouble * counts.dimension * places(counts, counts.order) + (3 * kDouble + kMetric) * counts.cell_count();
+  return kDouble * counts.dimension * places(counts, counts.order) + (kDouble + kMetric) * counts.cell_count();
 }
 
 /// Values between the spaces of neighbouring orders. The squares are small beside them.
@@ -57,10 +56,10 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   MeshCounts lower = counts;
   lower.order = std::max(counts.order - 1, 1);
   const std::int64_t listing = 2 * bytes_of_mesh(lower);
-  // Five vectors and those of the quasi-Newton method; ε_e and what it follows from; the best mesh, the latest one, and
-  // the one that the last round began with.
-  constexpr std::int64_t kVectors = 5 + 2 * static_cast<std::int64_t>(QuasiNewton::kPairs) + 1;
-  std::int64_t running = kVectors * kDouble * d * counts.free_nodes() + 3 * kDouble * counts.cell_count();
+  // Vectors of the objective and of the round, and what vertices are held with; ε_e and what it follows from; the best
+  // mesh, the latest one, and the one that the last round began with.
+  constexpr std::int64_t kVectors = 11;
+  std::int64_t running = (kVectors * d + 1) * kDouble * counts.free_nodes() + 7 * kDouble * counts.cell_count();
   running += kDouble * d * counts.nodes();
   running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());
   // After a round, a copy of the mesh is judged.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numeric>
+#include <span>
 
 #include "core/base/team.h"
 #include "core/merit/thresholds.h"
@@ -24,12 +25,12 @@ inline double loss_by_size(const CellAccuracy& cells, double volume, const HighO
   return std::sqrt(size);
 }
 
-/// Whether a mesh with this loss, which keeps invalid cells, is not worth a descent. A solver cannot use such a mesh as
-/// it is, so it is worth one only if the loss is not small beside what the size of the cells leaves.
-inline bool size_decides(const HighOrderMesh& mesh, double loss, const Team& team) {
+/// Whether a mesh with its nodes at `coordinates`, which keeps invalid cells, is not worth a descent. A solver cannot
+/// use such a mesh as it is, so it is worth one only if the loss is not small beside what the size of the cells leaves.
+inline bool size_decides(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
   const CellAccuracy cells = cell_accuracy(mesh, team);
   const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
-  return loss <= threshold::kLittleLoss * loss_by_size(cells, volume, mesh);
+  return accuracy(mesh, coordinates, team).loss <= threshold::kLittleLoss * loss_by_size(cells, volume, mesh);
 }
 
 /// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move.

@@ -1,10 +1,12 @@
 #include "core/solvers/descent/modal_form.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 #include "core/quality/accuracy/parts_table.h"
 #include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/part_products.h"
 
 namespace varimesh {
 namespace {
@@ -20,27 +22,23 @@ void for_pairs(int d, const Visit& visit) {
 
 }  // namespace
 
-ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, const Team& team)
+ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team)
     : problem_(problem),
       space_(space),
       team_(team),
       reduction_(team),
-      shares_(problem.cells),
-      squared_sizes_(problem.cells),
+      weights_(static_cast<std::size_t>(space.order) + 1),
       metrics_(problem.cells),
       values_(problem.cells),
       contributions_(static_cast<std::size_t>(space.place_count) * problem.dimension) {
+  for (int s = 0; s <= space.order; ++s)
+    weights_[static_cast<std::size_t>(s)] = std::pow(wave, 2 * (space.order + 1 - s));
   take_frames();
 }
 
 void ModalForm::take_frames() {
   for_cells_together(problem_, team_,
                      [&](std::size_t set, std::int32_t first, std::int32_t count) { measure(set, first, count); });
-  volume_ = reduction_.sum(shares_.size(), kCellsPerSum, [&](std::size_t cell) { return shares_[cell]; });
-  for (std::size_t cell = 0; cell < shares_.size(); ++cell) {
-    shares_[cell] /= volume_;
-    squared_sizes_[cell] = std::pow(shares_[cell], 2.0 / problem_.dimension);
-  }
 }
 
 void ModalForm::gather_positions(const CellSet& set, std::int32_t first, std::int32_t count,
@@ -55,7 +53,7 @@ void ModalForm::gather_positions(const CellSet& set, std::int32_t first, std::in
   }
 }
 
-/// V_E into shares_, and the metrics.
+/// The metrics.
 void ModalForm::measure(std::size_t number, std::int32_t first, std::int32_t count) {
   const CellSet& set = problem_.sets[number];
   const detail::PartsTable& table =
@@ -67,10 +65,8 @@ void ModalForm::measure(std::size_t number, std::int32_t first, std::int32_t cou
   for (std::int32_t i = 0; i < count; ++i) {
     const std::size_t cell = static_cast<std::size_t>(set.first) + first + i;
     const Eigen::MatrixXd transposed = gradients.middleCols(static_cast<Eigen::Index>(i) * d, d);
-    const double determinant = transposed.determinant();
-    shares_[cell] = reference::info(set.shape).measure * std::abs(determinant);
     metrics_[cell] = {};
-    if (determinant == 0) continue;
+    if (transposed.determinant() == 0) continue;
     const Eigen::MatrixXd inverse = transposed.inverse(), metric = inverse.transpose() * inverse;
     for_pairs(d, [&](std::size_t pair, int a, int b) { metrics_[cell][pair] = metric(a, b); });
   }
@@ -78,50 +74,70 @@ void ModalForm::measure(std::size_t number, std::int32_t first, std::int32_t cou
 
 std::array<double, 6> ModalForm::factors(std::size_t cell, std::size_t part) const {
   const int d = problem_.dimension;
-  double weight = shares_[cell];
-  for (int s = static_cast<int>(part) + 2; s <= space_.order; ++s) weight *= squared_sizes_[cell];
+  const double weight = weights_[part + 2];
   std::array<double, 6> result{};
   for_pairs(d,
             [&](std::size_t pair, int a, int b) { result[pair] = (a == b ? 1 : 2) * weight * metrics_[cell][pair]; });
   return result;
 }
 
-double ModalForm::gradient(std::span<double> gradient) {
-  const int d = problem_.dimension;
-  for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t first, std::int32_t count) {
+template <class Value>
+void ModalForm::differentiate(const Value& value) {
+  constexpr std::size_t kLanes = detail::kPartLanes;
+  static_assert(kCellsTogether % kLanes == 0);
+  const std::size_t d = static_cast<std::size_t>(problem_.dimension);
+  for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t begin, std::int32_t together) {
     const CellSet& set = problem_.sets[number];
-    const detail::PartsTable& table = detail::parts_table(set.shape, set.order, reference::NodeSet::Optimised);
-    thread_local Eigen::MatrixXd nodes, modes, product, slopes, back;
-    gather_positions(set, first, count, nodes);
-    modes.noalias() = table.to_modes * nodes;
-    slopes.setZero(modes.rows(), modes.cols());
-    for (std::size_t part = 0; part < table.products.size(); ++part) {
-      const Eigen::Index begin = table.first[part], rows = table.first[part + 1] - begin;
-      for_pairs(d, [&](std::size_t pair, int, int) {
-        product.noalias() = table.products[part][pair] * modes.middleRows(begin, rows);
-        for (std::int32_t i = 0; i < count; ++i) {
-          const double factor = factors(static_cast<std::size_t>(set.first) + first + i, part)[pair];
-          const Eigen::Index column = static_cast<Eigen::Index>(i) * d;
-          slopes.block(begin, column, rows, d) += factor * product.middleCols(column, d);
-        }
-      });
+    const detail::PartProducts& products = detail::part_products(set.shape, set.order);
+    const std::size_t nodes = products.nodes;
+    thread_local std::vector<double> x, modes, slopes, weights;
+    weights.clear();
+    for (const int degree : products.degrees) weights.push_back(weights_[static_cast<std::size_t>(degree)]);
+    x.assign(nodes * d * kLanes, 0.0);
+    slopes.resize(x.size());
+    modes.resize(2 * products.modes * d * kLanes);
+    for (std::int32_t first = begin; first < begin + together; first += kLanes) {
+      const std::size_t count = std::min<std::size_t>(kLanes, static_cast<std::size_t>(begin + together - first));
+      const std::size_t cell = static_cast<std::size_t>(set.first) + static_cast<std::size_t>(first);
+      const std::size_t place = static_cast<std::size_t>(space_.sets[number].first) + first * nodes;
+      std::array<double, 6 * kLanes> metrics{};
+      std::array<double, kLanes> values;
+      for (std::size_t i = 0; i < count; ++i) {
+        for (std::size_t pair = 0; pair < products.pairs; ++pair) metrics[pair * kLanes + i] = metrics_[cell + i][pair];
+        for (std::size_t n = 0; n < nodes; ++n)
+          for (std::size_t k = 0; k < d; ++k)
+            x[(n * d + k) * kLanes + i] = value(number, (static_cast<std::size_t>(first) + i) * nodes, n, k);
+      }
+      detail::differentiate_parts(products, weights.data(), metrics.data(), x.data(), modes.data(), values.data(),
+                                  slopes.data());
+      for (std::size_t i = 0; i < count; ++i) {
+        values_[cell + i] = values[i];
+        for (std::size_t n = 0; n < nodes; ++n)
+          for (std::size_t k = 0; k < d; ++k)
+            contributions_[(place + i * nodes + n) * d + k] = slopes[(n * d + k) * kLanes + i] / problem_.cells;
+      }
     }
-    for (std::int32_t i = 0; i < count; ++i) {
-      const Eigen::Index column = static_cast<Eigen::Index>(i) * d;
-      values_[static_cast<std::size_t>(set.first) + first + i] =
-          modes.middleCols(column, d).cwiseProduct(slopes.middleCols(column, d)).sum();
-    }
-    back.noalias() = 2 * table.to_modes.transpose() * slopes;
-    const std::size_t at =
-        static_cast<std::size_t>(space_.sets[number].first) + static_cast<std::size_t>(first) * set.nodes_per_cell;
-    for (std::int32_t i = 0; i < count; ++i)
-      for (int n = 0; n < set.nodes_per_cell; ++n)
-        for (int k = 0; k < d; ++k)
-          contributions_[(at + static_cast<std::size_t>(i) * set.nodes_per_cell + n) * d + k] =
-              back(n, static_cast<Eigen::Index>(i) * d + k);
   });
-  add_up(space_, d, contributions_, gradient, team_);
-  return reduction_.sum(values_.size(), kCellsPerSum, [&](std::size_t cell) { return values_[cell]; });
+}
+
+double ModalForm::gradient(std::span<double> gradient) {
+  const std::size_t d = static_cast<std::size_t>(problem_.dimension);
+  differentiate([&](std::size_t set, std::size_t cell, std::size_t node, std::size_t k) {
+    const std::int32_t* const nodes = problem_.sets[set].nodes.data() + cell;
+    const auto x = [&](std::size_t n) { return problem_.positions[static_cast<std::size_t>(nodes[n]) * d + k]; };
+    return x(node) - x(0);
+  });
+  add_up(space_, problem_.dimension, contributions_, gradient, team_);
+  return reduction_.sum(values_.size(), kCellsPerSum, [&](std::size_t cell) { return values_[cell]; }) / problem_.cells;
+}
+
+void ModalForm::multiply(std::span<const double> direction, std::span<double> product) {
+  const std::size_t d = static_cast<std::size_t>(problem_.dimension);
+  differentiate([&](std::size_t set, std::size_t cell, std::size_t node, std::size_t k) {
+    const std::int32_t number = space_.sets[set].numbers[cell + node];
+    return number < 0 ? 0.0 : direction[static_cast<std::size_t>(number) * d + k];
+  });
+  add_up(space_, problem_.dimension, contributions_, product, team_);
 }
 
 std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace* const> spaces,
@@ -145,8 +161,9 @@ std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace
           for_pairs(d, [&](std::size_t pair, int, int) { sum += 2 * factor[pair] * squares.of_parts[part][pair]; });
         }
         for_pairs(d, [&](std::size_t pair, int a, int b) {
-          sum += (a == b ? 1 : 2) * shares_[cell] * stiffness[cell] * metrics_[cell][pair] * squares.of_gradient[pair];
+          sum += (a == b ? 1 : 2) * stiffness[cell] * metrics_[cell][pair] * squares.of_gradient[pair];
         });
+        sum /= problem_.cells;
         Eigen::Map<Eigen::VectorXd>(&of_places[static_cast<std::size_t>(space.sets[number].first) +
                                                static_cast<std::size_t>(first + i) * nodes],
                                     nodes) = sum;

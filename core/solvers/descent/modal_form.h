@@ -13,40 +13,45 @@
 
 namespace varimesh {
 
-/// The square of the loss of accuracy (core/quality/accuracy/accuracy.h) with the Jacobian means J and the volumes V_E
-/// of a given mesh:
+/// The square of the local loss of accuracy (core/quality/accuracy/team_accuracy.h) with the Jacobian means J of a
+/// given mesh:
 ///
-///     Q(x) = 1/V Σ_E V_E Σ_{s=2..P} (V_E/V)^(2(P+1−s)/d) 1/|Ê| ∫_Ê |∇χ_s J⁻¹|².
+///     Q(x) = 1/N Σ_E Σ_{s=2..P} κ^(2(P+1−s)) 1/|Ê| ∫_Ê |∇χ_s J⁻¹|²,   N the number of cells.
 ///
-/// At that mesh Q is the squared loss. Q is quadratic in the positions and the same for each coordinate, and 0 for
-/// straight-sided cells, so it does not depend on where vertices are.
+/// At that mesh Q is the squared local loss. Q is quadratic in the positions and the same for each coordinate, and 0
+/// for straight-sided cells, so it does not depend on where vertices are.
 class ModalForm {
  public:
-  /// Takes the frames. Call it inside team.run(). All references must outlive the form.
-  ModalForm(const Problem& problem, const OrderSpace& space, const Team& team);
+  /// Takes the frames. `wave` is κ: local_wave() of the mesh. Call it inside team.run(). All references must outlive
+  /// the form.
+  ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team);
 
-  /// Takes J and V_E anew from problem.positions. Cells with det J = 0 do not count. Call it inside team.run().
+  /// Takes J anew from problem.positions. Cells with det J = 0 do not count. Call it inside team.run().
   void take_frames();
 
   /// Q at problem.positions. `gradient`: ∂Q/∂x of the free nodes, d numbers each.
   double gradient(std::span<double> gradient);
+  /// By CellSet::first + cell: N times what the cell added to Q in the last gradient(), if no multiply() followed.
+  std::span<const double> squared_losses() const { return values_; }
+  /// Its second derivative times a direction; both have d numbers per free node.
+  void multiply(std::span<const double> direction, std::span<double> product);
 
   /// The diagonal of the second derivative in the spaces of order 1 … P, one number per free node and the same for each
   /// coordinate. Adds `stiffness` (one number per cell, by CellSet::first + cell) times
-  ///     V_E/V 1/|Ê| ∫_Ê |∇φ J⁻¹|²,
+  ///     1/N 1/|Ê| ∫_Ê |∇φ J⁻¹|²,
   /// φ being the basis function of the node: the diagonal of a Laplacian. `spaces`: by order, from 1.
   std::vector<std::vector<double>> diagonals(std::span<const OrderSpace* const> spaces,
                                              std::span<const double> stiffness);
-
-  /// By CellSet::first + cell: V_E/V.
-  std::span<const double> shares() const { return shares_; }
-  /// V, in the problem's unit of length to the power d.
-  double volume() const { return volume_; }
 
  private:
   void measure(std::size_t set, std::int32_t first, std::int32_t count);
   /// The factors of the products of a part (degree s = part + 2) in a cell, by pair of directions.
   std::array<double, 6> factors(std::size_t cell, std::size_t part) const;
+  /// The derivative of N Q for maps of given values at the nodes: half of it along the map itself by cell in values_,
+  /// and all of it by place in contributions_. value(set, cell, node, k): in direction k at a node of a cell; `cell`
+  /// counts the nodes of the set before it.
+  template <class Value>
+  void differentiate(const Value& value);
   /// The coordinates of the cells' nodes relative to their first nodes: nodes × (count · d).
   void gather_positions(const CellSet& set, std::int32_t first, std::int32_t count, Eigen::MatrixXd& out) const;
 
@@ -54,12 +59,10 @@ class ModalForm {
   const OrderSpace& space_;
   const Team& team_;
   Reduction reduction_;
-  std::vector<double> shares_;
-  std::vector<double> squared_sizes_;           ///< (V_E/V)^(2/d).
+  std::vector<double> weights_;                 ///< By degree s ≤ P: κ^(2(P+1−s)).
   std::vector<std::array<double, 6>> metrics_;  ///< J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.
   std::vector<double> values_;                  ///< By cell.
   std::vector<double> contributions_;           ///< d per place.
-  double volume_ = 0;
 };
 
 }  // namespace varimesh

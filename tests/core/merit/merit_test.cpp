@@ -109,6 +109,15 @@ TEST(Merit, IsLowerOnlyIfBothTheMinimumAndTheMeanAre) {
   EXPECT_FALSE(is_lower({.smallest = 0.4995, .mean = 0.8}, came, threshold::kHigher));
 }
 
+TEST(Merit, AccuracyMayLowerTheShapesThatNeedNone) {
+  const Merit good{.smallest = 0.9, .mean = 0.95}, poor{.smallest = 0.4, .mean = 0.9};
+  EXPECT_FALSE(costs_shape({.smallest = threshold::kWanted, .mean = 0.8}, good));
+  EXPECT_TRUE(costs_shape({.smallest = threshold::kWanted - 0.01, .mean = 0.8}, good));
+  EXPECT_TRUE(costs_shape({.smallest = 0.3, .mean = 0.8}, poor));
+  EXPECT_FALSE(costs_shape({.smallest = 0.3, .mean = 0.9}, poor));
+  EXPECT_FALSE(costs_shape({.smallest = 0.3995, .mean = 0.8}, poor)) << "as high, but for what is proved";
+}
+
 TEST(Merit, AnUnknownLossIsNotKept) {
   EXPECT_TRUE(keeps_loss({.loss = 1}, {.loss = 1}));
   EXPECT_FALSE(keeps_loss({.loss = 1.001}, {.loss = 1}));

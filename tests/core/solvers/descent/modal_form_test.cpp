@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/quality/accuracy/accuracy.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -21,7 +21,7 @@ class ModalFormOf : public ::testing::TestWithParam<Filling> {
     testing::shake(mesh_, 0.03, 5);
     problem_ = testing::make_problem(mesh_);
     space_ = own_space(problem_);
-    team.run([&] { form_.emplace(problem_, space_, team); });
+    team.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team); });
   }
   double value() {
     std::vector<double> gradient(problem_.free.size() * problem_.dimension);
@@ -46,7 +46,7 @@ INSTANTIATE_TEST_SUITE_P(Fillings, ModalFormOf, ::testing::ValuesIn(testing::kFi
 TEST_P(ModalFormOf, IsTheSquaredLossOfTheMeshThatItWasMadeOf) {
   for (int order = 2; order <= 4; ++order) {
     make(order);
-    const double loss = accuracy(mesh_).loss;
+    const double loss = local_loss(mesh_, mesh_.coordinates, team_);
     EXPECT_NEAR(value(), loss * loss, 1e-10 * loss * loss) << "order " << order;
   }
 }
@@ -58,7 +58,7 @@ TEST_P(ModalFormOf, WithFramesTakenAnewIsTheSquaredLossOfTheMeshAsItIsThen) {
   team_.run([&] { form_->take_frames(); });
   const double anew = value();
   EXPECT_NE(anew, with_old_frames);
-  team_.run([&] { form_.emplace(problem_, space_, team_); });
+  team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_); });
   EXPECT_EQ(value(), anew);
 }
 
@@ -79,6 +79,18 @@ TEST_P(ModalFormOf, HasItsDerivatives) {
   // The form is quadratic, so differences are exact but for rounding.
   EXPECT_NEAR(slope, (ahead - behind) / 2, 1e-9 * std::abs(ahead));
   EXPECT_NEAR(curvature, ahead - 2 * at_start + behind, 1e-9 * std::abs(ahead));
+}
+
+TEST_P(ModalFormOf, HasProductsOfItsSecondDerivative) {
+  make(3);
+  const std::vector<double> direction = testing::random_direction(problem_, 3);
+  std::vector<double> before(direction.size()), after(direction.size()), product(direction.size());
+  form_->gradient(before);
+  form_->multiply(direction, product);
+  move(direction, 1);
+  form_->gradient(after);
+  for (std::size_t i = 0; i < direction.size(); ++i)
+    EXPECT_NEAR(product[i], after[i] - before[i], 1e-10 * std::abs(after[i]) + 1e-14) << "unknown " << i;
 }
 
 TEST_P(ModalFormOf, HasTheDiagonalOfItsSecondDerivative) {

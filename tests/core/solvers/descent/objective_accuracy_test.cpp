@@ -7,8 +7,10 @@
 #include <vector>
 
 #include "core/formats/formats.h"
+#include "core/merit/thresholds.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/validity/certificate.h"
 #include "tests/core/quality/accuracy/plain_poisson.h"
 #include "tests/core/support/balls.h"
@@ -32,6 +34,9 @@ Options for_accuracy() {
 }
 
 double error_of_a_solver(const HighOrderMesh& mesh) { return PlainPoisson(mesh).errors().in_gradient; }
+
+/// What the descent lowers.
+double local_loss_of(const HighOrderMesh& mesh) { return local_loss(mesh, mesh.coordinates, Team(1)); }
 
 bool all_valid(const HighOrderMesh& mesh) { return std::ranges::all_of(certify(mesh, {}, 1), &Certificate::is_valid); }
 
@@ -69,7 +74,7 @@ TEST(AccuracyObjective, KeepsTheBoundOnTheScaledJacobian) {
   const auto unbounded = optimise(mesh, options);
   ASSERT_TRUE(bounded && unbounded);
   EXPECT_GE(bounded->after.certified.min_scaled_jacobian_lower_bound, 0.7 - 1e-3);
-  EXPECT_LE(unbounded->after.accuracy->loss, bounded->after.accuracy->loss);
+  EXPECT_LE(local_loss_of(unbounded->mesh), local_loss_of(bounded->mesh));
   EXPECT_LE(bounded->after.accuracy->loss, bounded->before.accuracy->loss);
 }
 
@@ -224,17 +229,20 @@ TEST(AccuracyObjective, IsTheSameForEveryNumberOfThreads) {
 
 TEST(AccuracyObjective, AStopLeavesTheBestMeshSoFar) {
   const HighOrderMesh mesh = read_case("disc_p4.msh");
-  double loss = 1;
+  double least = 1;
   for (int rounds = 1; rounds <= 4; ++rounds) {
     const auto stopped = optimise(mesh, for_accuracy(), [rounds](const Iteration& iteration) {
       return iteration.number == rounds ? Control::Stop : Control::Continue;
     });
     ASSERT_TRUE(stopped);
     EXPECT_TRUE(all_valid(stopped->mesh));
-    EXPECT_LE(stopped->after.accuracy->loss, loss) << rounds;
-    loss = stopped->after.accuracy->loss;
+    // A later mesh of the same rounds is taken if it is as good, because it is nearer to where they lead.
+    const double loss = local_loss_of(stopped->mesh);
+    EXPECT_LE(loss, threshold::kLossGivenForMinimum * least) << rounds;
+    least = std::min(least, loss);
+    EXPECT_LT(stopped->after.accuracy->loss, accuracy(mesh).loss) << rounds;
   }
-  EXPECT_LT(loss, accuracy(mesh).loss);
+  EXPECT_LT(least, 0.9 * local_loss_of(mesh));
 }
 
 TEST(AccuracyObjective, LeavesFixedNodesAndStraightSidedMeshesAsTheyAre) {
@@ -255,8 +263,7 @@ TEST(AccuracyObjective, LeavesFixedNodesAndStraightSidedMeshesAsTheyAre) {
   const auto kept = optimise(plate, for_accuracy());
   ASSERT_TRUE(kept);
   EXPECT_EQ(kept->mesh.coordinates, plate.coordinates);
-  ASSERT_EQ(kept->notes.size(), 1U);
-  EXPECT_NE(kept->notes[0].find("lower loss of accuracy"), std::string::npos) << kept->notes[0];
+  EXPECT_NE(kept->kept_as_it_came.find("loss of accuracy was not lower"), std::string::npos) << kept->kept_as_it_came;
 }
 
 /// A grid of hexahedra of order 2 that are a little curved.
@@ -315,12 +322,13 @@ Result optimise_rounded(HighOrderMesh& mesh, double rounding) {
   return std::move(*result);
 }
 
-TEST(AccuracyObjective, DoesNotLowerBothTheSmallestAndTheMeanScaledJacobianOfAValidMesh) {
+TEST(AccuracyObjective, LowersBothTheSmallestAndTheMeanScaledJacobianOfAValidMeshOnlyAboveAHalf) {
   for (const char* name : {"annulus_p3", "solid_ball_p3"}) {
     const auto mesh = read_case(std::string(name) + ".msh");
     const auto result = optimise(mesh, for_accuracy());
     ASSERT_TRUE(result) << name;
-    EXPECT_TRUE(result->after.min_scaled_jacobian >= result->before.min_scaled_jacobian - 1e-3 ||
+    EXPECT_TRUE(result->after.min_scaled_jacobian >= threshold::kWanted ||
+                result->after.min_scaled_jacobian >= result->before.min_scaled_jacobian - 1e-3 ||
                 result->after.mean_scaled_jacobian >= result->before.mean_scaled_jacobian)
         << name;
     EXPECT_LT(result->after.accuracy->loss, 0.95 * result->before.accuracy->loss) << name;

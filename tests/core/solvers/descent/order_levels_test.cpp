@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "core/quality/accuracy/team_accuracy.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -18,7 +19,7 @@ struct Bench {
       : mesh(testing::grid(filling, counts, order, testing::bent(testing::is_plane(filling) ? 2 : 3))),
         problem(testing::make_problem(mesh)),
         space(own_space(problem)),
-        form(problem, space, team),
+        form(problem, space, local_wave(mesh), team),
         levels(problem, mesh, space, team) {
     // The form does not depend on vertices. With a smaller stiffness, their diagonal would magnify rounding.
     levels.take_diagonals(form, std::vector<double>(static_cast<std::size_t>(problem.cells), 1e-4));

@@ -1,0 +1,176 @@
+#include "core/solvers/descent/loss_objective.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace varimesh {
+namespace {
+
+constexpr std::size_t kNumbersPerTask = 4096;
+constexpr double kNoise = 1e-13;  // of the sum
+
+}  // namespace
+
+LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& form, OrderLevels& levels,
+                             const Material& material, const Team& team)
+    : problem_(problem),
+      energy_(energy),
+      form_(form),
+      levels_(levels),
+      material_(material),
+      team_(team),
+      reduction_(team),
+      gradient_(problem.free.size() * problem.dimension),
+      form_gradient_(gradient_.size()),
+      start_(gradient_.size()),
+      step_(gradient_.size()),
+      residual_(gradient_.size()),
+      direction_(gradient_.size()),
+      product_(gradient_.size()),
+      rough_direction_(gradient_.size() + static_cast<std::size_t>(padded(problem.dimension))),
+      rough_product_(rough_direction_.size()) {}
+
+void LossObjective::hold_vertices(std::span<const double> hold, std::span<const double> places) {
+  places_ = places;
+  hold_.assign(problem_.free.size(), 0.0);
+  for (std::size_t f = 0; f < hold_.size(); ++f)
+    for (std::int64_t i = problem_.offsets[f]; i < problem_.offsets[f + 1]; ++i) {
+      const Incidence& incidence = problem_.incidences[i];
+      const CellSet& set = problem_.sets[incidence.set];
+      const int vertices = reference::info(set.shape).vertices;
+      if (incidence.local < vertices) hold_[f] += hold[set.first + incidence.cell] / vertices / problem_.cells;
+    }
+}
+
+double LossObjective::held() const {
+  const std::size_t d = problem_.dimension;
+  return reduction_.sum(hold_.size(), kNumbersPerTask, [&](std::size_t f) {
+    double square = 0;
+    for (std::size_t k = 0; k < d && hold_[f] > 0; ++k) {
+      const double moved = problem_.positions[problem_.free[f] * d + k] - places_[f * d + k];
+      square += moved * moved;
+    }
+    return hold_[f] * square;
+  });
+}
+
+double LossObjective::form() {
+  if (!has_form_) form_value_ = form_.gradient(form_gradient_);
+  has_form_ = true;
+  return form_value_;
+}
+
+double LossObjective::linearise(bool /*renews*/) {
+  energy_.fit_scale();
+  energy_.linearise(gradient_);
+  is_convex_ = false;
+  const double value = energy_.value() + form() + held();
+  noise_ = kNoise * value;
+  add_form();
+  std::ranges::fill(step_, 0.0);
+  return value;
+}
+
+void LossObjective::add_form() {
+  const std::size_t d = problem_.dimension;
+  team_.for_ranges(gradient_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const double moved = problem_.positions[problem_.free[i / d] * d + i % d] - places_[i];
+      gradient_[i] += form_gradient_[i] + 2 * hold_[i / d] * moved;
+      residual_[i] = -gradient_[i];
+    }
+  });
+}
+
+bool LossObjective::make_convex() {
+  if (is_convex_ || material_.energy != Energy::Hyperelastic) return false;
+  is_convex_ = true;
+  energy_.keep_convex_part(material_);
+  for (std::size_t i = 0; i < residual_.size(); ++i) residual_[i] = -gradient_[i];
+  std::ranges::fill(step_, 0.0);
+  return true;
+}
+
+// ===== Conjugate gradients =====
+
+double LossObjective::multiply() {
+  std::ranges::copy(direction_, rough_direction_.begin());
+  energy_.multiply(rough_direction_, rough_product_);
+  form_.multiply(direction_, product_);
+  const double scale = energy_.scale();
+  const std::size_t d = problem_.dimension;
+  return reduction_.sum(product_.size(), kNumbersPerTask, [&](std::size_t i) {
+    product_[i] += scale * static_cast<double>(rough_product_[i]) + 2 * hold_[i / d] * direction_[i];
+    return direction_[i] * product_[i];
+  });
+}
+
+void LossObjective::advance(double alpha) {
+  team_.for_ranges(step_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      step_[i] += alpha * direction_[i];
+      residual_[i] -= alpha * product_[i];
+    }
+  });
+}
+
+void LossObjective::turn(double beta) {
+  team_.for_ranges(direction_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) direction_[i] = product_[i] + (beta == 0 ? 0 : beta * direction_[i]);
+  });
+}
+
+// ===== Sizes =====
+
+double LossObjective::gradient_norm() {
+  return std::sqrt(
+      reduction_.sum(gradient_.size(), kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * gradient_[i]; }));
+}
+
+double LossObjective::preconditioned_norm(double rq) const { return std::sqrt(std::max(0.0, rq)); }
+
+double LossObjective::largest(std::span<const double> displacements) const {
+  const std::size_t d = problem_.dimension;
+  return std::sqrt(reduction_.largest(problem_.free.size(), kNumbersPerTask, [&](std::size_t f) {
+    double square = 0;
+    for (std::size_t k = 0; k < d; ++k) square += displacements[f * d + k] * displacements[f * d + k];
+    return square * problem_.inverse_size[f] * problem_.inverse_size[f];
+  }));
+}
+
+double LossObjective::largest_defect() {
+  direction_ = residual_;
+  energy_.gradient(gradient_);
+  form();
+  add_form();
+  for (std::size_t i = 0; i < residual_.size(); ++i) residual_[i] -= direction_[i];
+  levels_.apply(residual_, product_);
+  return largest(product_);
+}
+
+// ===== The step =====
+
+double LossObjective::finish_step() {
+  start_ = free_positions(problem_, problem_.positions);
+  return reduction_.sum(step_.size(), kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * step_[i]; });
+}
+
+double LossObjective::move(double alpha) {
+  const std::size_t d = problem_.dimension;
+  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      for (std::size_t k = 0; k < d; ++k)
+        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step_[f * d + k];
+  });
+  has_form_ = false;
+  energy_.scan();
+  const double energy = energy_.value();
+  return std::isfinite(energy) ? energy + form() + held() : energy;
+}
+
+void LossObjective::go_back() {
+  set_free_positions(problem_, start_, problem_.positions);
+  has_form_ = false;
+}
+
+}  // namespace varimesh

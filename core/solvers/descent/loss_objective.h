@@ -1,0 +1,79 @@
+// The loss of accuracy of a mesh with the energy as its barrier, for Newton's method.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/base/reduction.h"
+#include "core/base/team.h"
+#include "core/energy/material.h"
+#include "core/problem/problem.h"
+#include "core/solvers/descent/modal_form.h"
+#include "core/solvers/descent/order_levels.h"
+#include "core/solvers/minimised.h"
+#include "core/terms/cell_energy.h"
+
+namespace varimesh {
+
+/// The sum of a modal form, an energy and what holds vertices, over the free nodes of a problem. All vectors are in
+/// double precision, with d numbers per free node; products with the energy's Hessian are in single precision
+/// (cell_energy.h). The preconditioner is `levels`, whose diagonals must be up to date. A step that makes a valid cell
+/// invalid is not allowed.
+class LossObjective final : public Minimised {
+ public:
+  /// All arguments are kept by reference but `material`, the energy's.
+  LossObjective(Problem& problem, CellEnergy& energy, ModalForm& form, OrderLevels& levels, const Material& material,
+                const Team& team);
+
+  /// Adds Σ_e 1/N hold_e mean over the vertices v of cell e of |x_v − X_v|². `hold`: by CellSet::first + cell;
+  /// `places`: X of the free nodes, which must outlive the object or the next call.
+  void hold_vertices(std::span<const double> hold, std::span<const double> places);
+
+  /// To be called after the form has taken other frames, or nodes were moved by somebody else.
+  void forget_form() { has_form_ = false; }
+  /// The form at problem.positions. Sets ModalForm::squared_losses().
+  double form();
+
+  double linearise(bool renews) override;
+  bool make_convex() override;
+  double precondition() override { return levels_.apply(residual_, product_); }
+  double multiply() override;
+  void advance(double alpha) override;
+  void turn(double beta) override;
+  void take_direction() override { step_ = direction_; }
+  double gradient_norm() override;
+  double preconditioned_norm(double rq) const override;
+  double largest_step() override { return largest(step_); }
+  double largest_correction() override { return largest(product_); }
+  double largest_defect() override;
+  double finish_step() override;
+  double noise() override { return noise_; }
+  double move(double alpha) override;
+  void go_back() override;
+
+  /// The largest displacement of a node, of d numbers per free node, in units of the size of the cells around it.
+  double largest(std::span<const double> displacements) const;
+
+ private:
+  /// Adds the gradients of the form and of what holds vertices to gradient_. Sets residual_ = −gradient_.
+  void add_form();
+  /// What holds vertices.
+  double held() const;
+
+  Problem& problem_;
+  CellEnergy& energy_;
+  ModalForm& form_;
+  OrderLevels& levels_;
+  Material material_;
+  const Team& team_;
+  mutable Reduction reduction_;
+  bool has_form_ = false;  ///< form_value_ and form_gradient_ are those of problem.positions.
+  bool is_convex_ = false;
+  double form_value_ = 0, noise_ = 0;
+  std::vector<double> hold_;  ///< By free node: of |x − X|², 0 if it is no vertex.
+  std::span<const double> places_;
+  std::vector<double> gradient_, form_gradient_, start_, step_, residual_, direction_, product_;
+  std::vector<float> rough_direction_, rough_product_;  ///< Of products with the energy's Hessian, padded.
+};
+
+}  // namespace varimesh

@@ -1,0 +1,170 @@
+// Sums run over nodes, modes and entries in ascending order, lane by lane. The result of a cell therefore depends on
+// the machine's vector unit only by its fused multiplications, and not on the cells beside it.
+#include "core/solvers/descent/part_products.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "core/base/index.h"
+#include "core/quality/accuracy/parts_table.h"
+#include "core/reference/cache.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/solvers/descent/part_products.cpp"
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace varimesh::detail::parts::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Tag = hn::CappedTag<double, kPartLanes>;
+using V = hn::Vec<Tag>;
+
+/// Rows of a matrix that are multiplied at the same time.
+constexpr std::size_t kRows = 4;
+
+/// out = matrix · in for kRows rows (or fewer, `rows`) and one vector of lanes. in, out: [row][direction][lane].
+template <std::size_t D>
+HWY_INLINE void MultiplyRows(const double* HWY_RESTRICT matrix, std::size_t rows, std::size_t depth,
+                             const double* HWY_RESTRICT in, double* HWY_RESTRICT out) {
+  const Tag tag;
+  const double* row[kRows];
+  for (std::size_t r = 0; r < kRows; ++r) row[r] = matrix + std::min(r, rows - 1) * depth;
+  V a[D], b[D], c[D], e[D];
+  for (std::size_t k = 0; k < D; ++k) a[k] = b[k] = c[k] = e[k] = hn::Zero(tag);
+  for (std::size_t n = 0; n < depth; ++n, in += D * kPartLanes) {
+    const V p = hn::Set(tag, row[0][n]), q = hn::Set(tag, row[1][n]), r = hn::Set(tag, row[2][n]),
+            s = hn::Set(tag, row[3][n]);
+    for (std::size_t k = 0; k < D; ++k) {
+      const V x = hn::LoadU(tag, in + k * kPartLanes);
+      a[k] = hn::MulAdd(p, x, a[k]);
+      b[k] = hn::MulAdd(q, x, b[k]);
+      c[k] = hn::MulAdd(r, x, c[k]);
+      e[k] = hn::MulAdd(s, x, e[k]);
+    }
+  }
+  const V* const sums[kRows] = {a, b, c, e};
+  for (std::size_t r = 0; r < rows; ++r)
+    for (std::size_t k = 0; k < D; ++k) hn::StoreU(sums[r][k], tag, out + (r * D + k) * kPartLanes);
+}
+
+template <std::size_t D>
+HWY_INLINE void Multiply(const std::vector<double>& matrix, std::size_t rows, std::size_t depth,
+                         const double* HWY_RESTRICT in, double* HWY_RESTRICT out) {
+  for (std::size_t first = 0; first < rows; first += kRows)
+    MultiplyRows<D>(matrix.data() + first * depth, std::min(kRows, rows - first), depth, in,
+                    out + first * D * kPartLanes);
+}
+
+/// The slopes of q by modes, halved; returns q.
+template <std::size_t D>
+HWY_INLINE V Slopes(const PartProducts& of, const double* HWY_RESTRICT weights, const double* HWY_RESTRICT metrics,
+                    const double* HWY_RESTRICT modes, double* HWY_RESTRICT slopes) {
+  const Tag tag;
+  constexpr std::size_t kPairs = D * (D + 1) / 2;
+  V metric[kPairs];
+  for (std::size_t pair = 0; pair < kPairs; ++pair) metric[pair] = hn::LoadU(tag, metrics + pair * kPartLanes);
+  V value = hn::Zero(tag);
+  for (std::size_t m = 0; m < of.modes; ++m) {
+    V sum[D];
+    for (std::size_t k = 0; k < D; ++k) sum[k] = hn::Zero(tag);
+    for (std::size_t i = of.first[m]; i < of.first[m + 1]; ++i) {
+      const double* HWY_RESTRICT entry = of.entries.data() + i * kPairs;
+      V weight = hn::Mul(hn::Set(tag, entry[0]), metric[0]);
+      for (std::size_t pair = 1; pair < kPairs; ++pair)
+        weight = hn::MulAdd(hn::Set(tag, entry[pair]), metric[pair], weight);
+      const double* HWY_RESTRICT mode = modes + of.columns[i] * D * kPartLanes;
+      for (std::size_t k = 0; k < D; ++k) sum[k] = hn::MulAdd(weight, hn::LoadU(tag, mode + k * kPartLanes), sum[k]);
+    }
+    const V of_degree = hn::Set(tag, weights[m]);
+    for (std::size_t k = 0; k < D; ++k) {
+      sum[k] = hn::Mul(of_degree, sum[k]);
+      value = hn::MulAdd(sum[k], hn::LoadU(tag, modes + (m * D + k) * kPartLanes), value);
+      hn::StoreU(sum[k], tag, slopes + (m * D + k) * kPartLanes);
+    }
+  }
+  return value;
+}
+
+template <std::size_t D>
+void DifferentiateIn(const PartProducts& of, const double* weights, const double* metrics, const double* x,
+                     double* modes, double* values, double* slopes) {
+  const Tag tag;
+  double* const of_modes = modes + of.modes * D * kPartLanes;
+  for (std::size_t lane = 0; lane < kPartLanes; lane += hn::Lanes(tag)) {
+    Multiply<D>(of.to_modes, of.modes, of.nodes, x + lane, modes + lane);
+    hn::StoreU(Slopes<D>(of, weights, metrics + lane, modes + lane, of_modes + lane), tag, values + lane);
+    Multiply<D>(of.from_slopes, of.nodes, of.modes, of_modes + lane, slopes + lane);
+  }
+}
+
+void Differentiate(const PartProducts& of, const double* weights, const double* metrics, const double* x, double* modes,
+                   double* values, double* slopes) {
+  if (of.d == 2)
+    DifferentiateIn<2>(of, weights, metrics, x, modes, values, slopes);
+  else
+    DifferentiateIn<3>(of, weights, metrics, x, modes, values, slopes);
+}
+
+}  // namespace varimesh::detail::parts::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace varimesh::detail {
+namespace parts {
+HWY_EXPORT(Differentiate);
+
+/// Entries below this share of the largest one are rounding.
+constexpr double kNothing = 1e-14;
+
+PartProducts make_products(Shape shape, int order) {
+  const PartsTable& table = parts_table(shape, order, reference::NodeSet::Optimised);
+  PartProducts made;
+  made.d = at(reference::info(shape).dimension);
+  made.pairs = made.d * (made.d + 1) / 2;
+  made.nodes = at(table.to_modes.cols());
+  made.modes = at(table.to_modes.rows());
+  for (Eigen::Index m = 0; m < table.to_modes.rows(); ++m)
+    for (Eigen::Index n = 0; n < table.to_modes.cols(); ++n) made.to_modes.push_back(table.to_modes(m, n));
+  for (Eigen::Index n = 0; n < table.to_modes.cols(); ++n)
+    for (Eigen::Index m = 0; m < table.to_modes.rows(); ++m) made.from_slopes.push_back(2 * table.to_modes(m, n));
+  made.first.push_back(0);
+  for (std::size_t part = 0; part < table.products.size(); ++part) {
+    const std::vector<Eigen::MatrixXd>& products = table.products[part];
+    double largest = 0;
+    for (const Eigen::MatrixXd& product : products) largest = std::max(largest, product.cwiseAbs().maxCoeff());
+    const auto is_zero = [&](Eigen::Index m, Eigen::Index n) {
+      return std::ranges::all_of(products,
+                                 [&](const Eigen::MatrixXd& of) { return std::abs(of(m, n)) <= kNothing * largest; });
+    };
+    for (Eigen::Index m = 0; m < products.front().rows(); ++m) {
+      for (Eigen::Index n = 0; n < products.front().cols(); ++n) {
+        if (is_zero(m, n)) continue;
+        made.columns.push_back(at(table.first[part] + n));
+        for (std::size_t a = 0, pair = 0; a < made.d; ++a)
+          for (std::size_t b = a; b < made.d; ++b, ++pair)
+            made.entries.push_back((a == b ? 1 : 2) * products[pair](m, n));
+      }
+      made.first.push_back(made.columns.size());
+      made.degrees.push_back(static_cast<int>(part) + 2);
+    }
+  }
+  return made;
+}
+
+}  // namespace parts
+
+const PartProducts& part_products(Shape shape, int order) {
+  static reference::Cache<std::tuple<Shape, int>, PartProducts> tables;
+  return tables.get({shape, order}, [&] { return parts::make_products(shape, order); });
+}
+
+void differentiate_parts(const PartProducts& products, const double* weights, const double* metrics, const double* x,
+                         double* modes, double* values, double* slopes) {
+  HWY_DYNAMIC_DISPATCH(parts::Differentiate)(products, weights, metrics, x, modes, values, slopes);
+}
+
+}  // namespace varimesh::detail
+#endif
