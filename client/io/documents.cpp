@@ -170,10 +170,10 @@ Json document(const v1::Metrics& metrics) {
                  {"before", quality_document(metrics.before())},
                  {"after", quality_document(metrics.after())},
                  {"unrepairable", groups_document(metrics.unrepairable())},
-                 {"repairs", repairs_document(metrics)}};
+                 {"repairs", repairs_document(metrics)},
+                 {"notes", metrics.notes()}};
   if (metrics.has_substitute_targets())
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
-  for (const std::string& note : metrics.notes()) result["notes"].push_back(note);
   if (metrics.has_geometry()) result["geometry"] = geometry_document(metrics.geometry());
   if (metrics.slide_trials_size() > 0) result["slide_trials"] = trials_document(metrics);
   if (metrics.has_left()) result["left"] = left_document(metrics.left());

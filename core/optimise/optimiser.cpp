@@ -62,17 +62,21 @@ void keep_orientation(const SetUp& set_up, Result& result) {
 }
 
 /// With Objective::Accuracy: says that the smallest scaled Jacobian is below Options::min_js.
-void note_missed_bound(const Options& options, Result& result) {
+void note_missed_bound(const SetUp& set_up, Result& result) {
+  const Options& options = set_up.options;
   const double lowest = result.after.min_scaled_jacobian;
   const Asked asked = asked_by(options);
   const bool missed = asked.what == Asked::What::Loss && result.after.uncertified.empty() && lowest < asked.bound;
   if (!missed) return;
-  char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "The smallest scaled Jacobian is %.3g, below the %.3g of min_js: %s. To raise it, try --objective worst.", lowest,
-      options.min_js,
-      result.stop_reason == StopReason::Converged ? "no mesh on the way reached it" : "the run ended before");
+  const bool is_spaced = options.layer_spacing != LayerSpacing::Keep && !set_up.layers.held.empty();
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "The smallest scaled Jacobian is %.3g, below the %.3g of min_js: %s. To raise it, %s.", lowest,
+                options.min_js,
+                is_spaced ? "the nodes in layers stay where layer_spacing has put them"
+                : result.stop_reason == StopReason::Converged ? "no mesh on the way reached it"
+                                                              : "the run ended before",
+                is_spaced ? "keep the spacing of the layers" : "try --objective worst");
   result.notes.emplace_back(text);
 }
 
@@ -98,7 +102,7 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& on_iteration, const Run
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
   result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result, tried_others));
-  note_missed_bound(options, result);
+  note_missed_bound(set_up, result);
   keep_orientation(set_up, result);
   return result;
 }

@@ -35,7 +35,8 @@ class InProcess(WithFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
         document = json.loads(done.stdout)
         self.assertEqual(list(document), ["mesh", "energy", "method", "objective", "iterations", "seconds", "residual",
-                                          "converged", "stop_reason", "before", "after", "unrepairable", "repairs"])
+                                          "converged", "stop_reason", "before", "after", "unrepairable", "repairs", "notes"])
+        self.assertEqual(document["notes"], [])
         self.assertEqual(list(document["mesh"]), ["dimension", "order", "elements", "nodes", "free_nodes"])
         self.assertEqual(list(document["before"]), QUALITY)
         self.assertEqual(document["before"]["invalid_elements"], 2)
