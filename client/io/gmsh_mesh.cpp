@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <fstream>
 #include <string_view>
 #include <system_error>
@@ -60,6 +62,22 @@ std::string doing(const std::filesystem::path& log) {
   return "";
 }
 
+/// The ending by which gmsh knows the format of a model: that of the path if gmsh has it, or else STEP's. Nothing else
+/// of the path may stand in a script, where a name can be a command.
+std::string ending_of(const std::filesystem::path& model) {
+  std::string ending = model.extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  constexpr std::array<std::string_view, 5> kKnown{".step", ".stp", ".iges", ".igs", ".brep"};
+  return std::ranges::find(kKnown, ending) == kKnown.end() ? ".step" : ending;
+}
+
+/// A link to the model, or a copy where links cannot be made.
+bool link_or_copy(const std::filesystem::path& model, const std::filesystem::path& link) {
+  std::error_code failed;
+  std::filesystem::create_symlink(model, link, failed);
+  return !failed || std::filesystem::copy_file(model, link, failed);
+}
+
 /// A script that makes gmsh read the model and, if it has several bodies, cut them where they touch.
 bool write_script(const std::filesystem::path& script, const std::filesystem::path& model) {
   std::ofstream file(script);
@@ -88,10 +106,10 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
   std::filesystem::path input = std::filesystem::absolute(options.model, failed);
   if (options.joins_bodies) {
     // The script names a link beside it, so that no character of the model's path means something in it.
-    const std::filesystem::path link = folder / ("model" + input.extension().string());
-    std::filesystem::create_symlink(input, link, failed);
+    const std::filesystem::path link = folder / ("model" + ending_of(input));
+    const bool is_there = link_or_copy(input, link);
     input = folder / "bodies.geo";
-    if (failed || !write_script(input, link))
+    if (!is_there || !write_script(input, link))
       return tl::unexpected<Error>(
           {Error::Kind::Output, "No file can be written in '" + folder.string() + "'; make room."});
   }

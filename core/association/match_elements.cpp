@@ -67,7 +67,9 @@ class Elements {
     Eigen::Vector3d middle = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
     for (std::size_t k = 0; k < vertices; ++k) {
       middle += position(nodes[k]) / static_cast<double>(vertices);
-      normal += position(nodes[k]).cross(position(nodes[(k + 1) % vertices]));
+      // From a vertex: far from the origin, products of the positions themselves would cancel.
+      const Eigen::Vector3d to = position(nodes[k]) - position(nodes[0]);
+      normal += to.cross(position(nodes[(k + 1) % vertices]) - position(nodes[0]));
     }
     const geometry::SurfaceFoot foot = candidates_.closest(index(s), middle);
     const geometry::SurfaceShape& of = *candidates_.surface(index(s)).shape;

@@ -145,8 +145,7 @@ std::string Run::why_unmoved() {
   if (is_for_accuracy() && result_.iterations == 0)
     return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
   if (is_for_accuracy())
-    return "No mesh with a lower loss of accuracy was found whose smallest and mean scaled Jacobian are not both "
-           "lower, so nothing was moved.";
+    return "No mesh with a lower loss of accuracy was found that is worth the change, so nothing was moved.";
   return "The mesh is at its optimum already: no node would move by more than the tolerance, so nothing was moved.";
 }
 

@@ -49,7 +49,9 @@ Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std
 
 Expected<void> check_order(const HighOrderMesh& mesh, int order) {
   if (mesh.dimension != 3 && !is_surface(mesh))
-    return bad_input("A geometry needs a mesh of volume elements, or a surface in space; this mesh lies in a plane.");
+    return bad_input(
+        "Boundary nodes slide, and elements are curved, in meshes of volume elements and on surfaces in space only; "
+        "this mesh lies in a plane.");
   if (order == 0) return {};
   if (order < 2 || order > kMaxOrder)
     return bad_option("A curved mesh has order 2 to " + std::to_string(kMaxOrder) + ", not " + std::to_string(order) +

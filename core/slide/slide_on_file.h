@@ -15,7 +15,7 @@ namespace geometry {
 struct Geometry;
 }  // namespace geometry
 
-/// Moves boundary nodes of a 3-D mesh of order 2 or more, or the nodes of a surface in space, as core/slide/slide.h
+/// Moves boundary nodes of a 3-D mesh, or the nodes of a surface in space, as core/slide/slide.h
 /// says, and returns sentences that say what matched, what moved and how far the boundary is from the geometry. Inner
 /// nodes move only if `slide` is coupled. With an order, the mesh is of order 1 and becomes one of this order before
 /// (core/curve/curve.h). The mesh is unchanged after an error. Errors: BadInput if the file cannot be read, if nothing

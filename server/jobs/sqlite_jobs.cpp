@@ -2,8 +2,10 @@
 #include "server/jobs/sqlite_jobs.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <filesystem>
@@ -29,6 +31,8 @@ class KeptRoom {
   /// `path`: empty: no room is kept.
   explicit KeptRoom(const std::string& path)
       : file_(path.empty() ? -1 : ::open(path.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600)) {
+    struct stat left {};
+    if (file_ >= 0 && ::fstat(file_, &left) == 0) bytes_ = std::min(left.st_size, kBytes);
     fill();
   }
   ~KeptRoom() {

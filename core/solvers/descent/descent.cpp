@@ -230,7 +230,8 @@ void Descent::state(Archive& archive) {
   if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
   archive(factors_, first_gradient_, start_loss_, last_loss_, asked_.least_loss, raises_, caution_, raises_lost_,
           settling_, best_settling_, settled_js_, last_move_, accepted, accepted_loss_, accepted_js_,
-          asked_.highest_minimum, best_.coordinates, best_.merit.uncertified, best_.merit.smallest, best_.merit.loss);
+          asked_.highest_minimum, best_.coordinates, best_.merit.uncertified, best_.merit.smallest, best_.merit.loss,
+          best_.merit.lower_than_it_came);
   if constexpr (Archive::kReads)
     if (archive.failed() || !restore(accepted)) archive.fail();
 }
@@ -351,7 +352,7 @@ DescentRound Descent::round() {
   if (settled) settled_js_ = merit.smallest;
   raises_ += low > 0 ? 1 : 0;
   if (reaches) asked_.least_loss = std::min(asked_.least_loss, merit.loss);
-  const bool has_come_to_end = settled || settled_js_ > -1;
+  const bool has_come_to_end = settled || std::isfinite(settled_js_);
   const bool costs = reaches && has_come_to_end && merit.loss > threshold::kLossGivenForMinimum * asked_.least_loss;
   const bool in_reach = !reaches && merit.smallest >= threshold::kInReach * asked_.bound;
   const bool falls = merit.loss < threshold::kFalls * last_loss_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -163,11 +164,12 @@ class Descent {
   std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
-  int raises_ = 0;                ///< Also counts the rounds that were taken back.
-  double caution_ = 1;            ///< What all ε_e are raised by.
-  bool raises_lost_ = false;      ///< A round raises the cells that lost their certificate before they are put back.
-  int settling_ = 0;              ///< Rounds since one changed a factor.
-  double settled_js_ = -1;        ///< The minimum of the scaled Jacobian when they last came to an end.
+  int raises_ = 0;            ///< Also counts the rounds that were taken back.
+  double caution_ = 1;        ///< What all ε_e are raised by.
+  bool raises_lost_ = false;  ///< A round raises the cells that lost their certificate before they are put back.
+  int settling_ = 0;          ///< Rounds since one changed a factor.
+  /// The minimum of the scaled Jacobian when the rounds last came to an end; −∞ if they have not.
+  double settled_js_ = -std::numeric_limits<double>::infinity();
   double last_move_ = 0;          ///< Of the round before, 0 if that has changed a factor.
   bool best_settling_ = false;    ///< The best mesh is from these rounds.
   std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.

@@ -152,7 +152,7 @@ class OnAServer(Geometry):
             self.assertEqual(done.stderr.splitlines()[-1], alone.stderr.splitlines()[-1])
         for files, flags, status, sentence in (
                 ({"model": self.folder / "none.step"}, [], 3, "none.step' cannot be read"),
-                ({"mesh": MESH}, [], 3, f"'{MESH}': A geometry needs a mesh of volume elements"),
+                ({"mesh": MESH}, [], 3, f"'{MESH}': Boundary nodes slide, and elements are curved, in meshes of volume elements"),
                 ({}, ["--fix", "no"], 2, "'no'"),
                 ({}, ["--order", 4], 2, "--order")):
             done = self.remote(*flags, **files)
