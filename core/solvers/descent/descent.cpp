@@ -314,6 +314,12 @@ bool Descent::refines(const Merit& merit) const {
   return !is_better(best, merit, asked_);
 }
 
+/// Whether the curvature costs a solver anything beside the size of the cells. As the loss goes to 0, so does what
+/// holds nodes, and rounds that went on would move them at random.
+bool Descent::is_worth_more(const Merit& merit) const {
+  return merit.loss > threshold::kNoLoss * std::pow(local_wave(context_.mesh), context_.mesh.order);
+}
+
 bool Descent::has_gained() const {
   return best_.merit.uncertified == 0 && best_.merit.loss < threshold::kFalls * start_loss_;
 }
@@ -361,8 +367,8 @@ DescentRound Descent::round() {
   const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.merit.uncertified > 0;
   settling_ = low == 0 ? settling_ + 1 : 0;
   last_move_ = low == 0 ? round.residual : 0;
-  round.last =
-      (low == 0 && settled) || is_futile || !gains || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
+  round.last = (low == 0 && settled) || (reaches && !is_worth_more(merit)) || is_futile || !gains ||
+               raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, merit.loss);
   if (refines(state.merit) || is_better(state.merit, best_.merit, asked_)) {
     best_ = std::move(state);

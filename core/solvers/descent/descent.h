@@ -136,6 +136,7 @@ class Descent {
   void minimise(DescentRound& round);
   bool has_settled(double move) const;
   bool refines(const Merit& merit) const;
+  bool is_worth_more(const Merit& merit) const;
   void keep_certificates();
   /// Gives cells with a scaled Jacobian below `wanted` more weight; returns how many there are. `margin`: how far the
   /// scans, which see quadrature points only, may be above the smallest value of a cell.

@@ -233,7 +233,7 @@ class Choice(Corpus):
     def test_of_wrong_arguments(self):
         done = self.run_corpus("no-such-mesh", "--short")
         self.assertEqual(done.returncode, 2)
-        self.assertIn("there is no file no-such-mesh; there are: aerofoil_p4,", done.stderr)
+        self.assertIn("there is no file no-such-mesh; there are: aerofoil_disc_p4,", done.stderr)
         done = self.run_corpus(command="/nowhere/varimesh")
         self.assertEqual(done.returncode, 2)
         self.assertIn("/nowhere/varimesh is not a program", done.stderr)
