@@ -31,7 +31,7 @@ class Candidates {
   geometry::SurfaceFoot closest(std::size_t s, const Eigen::Vector3d& x) const { return searches_[s]->closest(x); }
   /// Whether a box around the surface contains the point.
   bool may_contain(std::size_t s, const Eigen::Vector3d& x) const { return boxes_[s].contains(x); }
-  /// Leaves out each surface of which another of these is a part.
+  /// Leaves out each surface that contains another one of these.
   void keep_parts(std::vector<int>& surfaces) const;
 
  private:

@@ -11,7 +11,7 @@ namespace varimesh::detail {
 /// What was found by merge_repeated().
 struct Repeated {
   int surfaces = 0;  ///< How many surfaces were left out, because an earlier one is the same.
-  /// By surface that is left: the surfaces of which it is a part.
+  /// For each surface that is left: the larger surfaces that contain it.
   std::vector<std::vector<int>> part_of;
 };
 

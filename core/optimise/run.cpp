@@ -191,8 +191,8 @@ void Run::raise_low() {
   if (outcome.interrupted) grace_.say_stopped(result_);
   if (made_valid.empty() && outcome.raised.empty()) return;
   const std::vector<double>& start = set_up_.mesh.coordinates;
-  if (came_valid() &&
-      local_loss(set_up_.mesh, result_.mesh.coordinates, team_) > local_loss(set_up_.mesh, start, team_)) {
+  if (came_valid() && !keeps_loss({.loss = local_loss(set_up_.mesh, result_.mesh.coordinates, team_)},
+                                  {.loss = local_loss(set_up_.mesh, start, team_)})) {
     result_.mesh.coordinates = coordinates;
     certificates_ = before;
     return;

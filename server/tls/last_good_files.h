@@ -36,7 +36,7 @@ class LastGoodFiles {
 
   explicit LastGoodFiles(TlsFiles files) : files_(std::move(files)) { copied_.fill(-1); }
   Version version() const;
-  /// Returns checked copies, in place of which there is −1 for a file that is not given.
+  /// Returns the descriptors of checked copies. The descriptor of a file that is not given is −1.
   Expected<Descriptors> copy() const;
 
   const TlsFiles files_;

@@ -37,7 +37,7 @@ struct DescentContext {
   /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
   /// smaller mean. Null: there is no such demand.
   const QualityReport* least = nullptr;
-  /// By cell: what ε_e is raised by at the begin. Empty: by nothing.
+  /// By cell: the factor by which ε_e is raised at the beginning. Empty: 1.
   std::vector<double> factors = {};
   WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
 };
@@ -59,13 +59,14 @@ struct DescentRound {
 ///
 /// Q being the squared local loss of accuracy (modal_form.h), N the number of cells, V_e their volumes and h_e their
 /// heights. Q alone keeps no cell valid; the energy does, as a barrier. Q does not know where vertices are. The last
-/// term keeps them near X_v, where they were at the begin, so what is far from a node does not move it. ε_e is the
+/// term keeps them near X_v, where they were at the beginning, so what is far from a node does not move it. ε_e is the
 /// squared loss of the cells around (loss_around.h) times a constant, so it falls from round to round, and cells far
 /// away do not change it.
 ///
-/// A round is a minimisation by Newton's method with given ε_e and with Q's frames taken from the mesh at its
-/// beginning. The rounds end when one moves no node any more. After a round, the cells whose scaled Jacobian is too low
-/// take four times their ε_e. docs/accuracy.md has the figures.
+/// A round takes one Newton step with given ε_e and with Q's frames taken from the mesh at its beginning, and more
+/// steps while nodes still move far. The rounds end when what is left moves no node by a thousandth of a cell, or when
+/// no loss is left that is worth a move. After a round, the cells whose scaled Jacobian is too low take four times
+/// their ε_e. docs/accuracy.md has the figures.
 ///
 /// Q knows the frames at the beginning of a round only. If the loss has risen by much at its end, as it does in thin
 /// cells that move far, the mesh goes back to that beginning and ε_e becomes larger in all cells.
@@ -108,10 +109,10 @@ class Descent {
   /// state of that moment. Inside team.run(). The reader has failed if the checkpoint is of another problem.
   static void read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader);
 
-  /// Whether the best mesh has a lower loss than the mesh at the begin, by more than next to nothing, and is valid.
+  /// Whether the best mesh has a lower loss than the mesh at the beginning, by more than next to nothing, and is valid.
   bool has_gained() const;
 
-  /// By cell: what ε_e has been raised by.
+  /// By cell: the factor by which ε_e has been raised.
   const std::vector<double>& factors() const { return factors_; }
 
   State take_best() { return std::move(best_); }
@@ -153,7 +154,7 @@ class Descent {
   DescentContext context_;
   Problem& problem_;
   const Team& team_;
-  std::vector<double> from_;  ///< Where the free nodes were at the begin.
+  std::vector<double> from_;  ///< Where the free nodes were at the beginning.
   OrderSpace space_;
   ModalForm form_;
   CellEnergy barrier_;  ///< 1/N Σ_e ε_e/V_e ∫ W(F) dx

@@ -7,7 +7,8 @@
 namespace varimesh {
 namespace {
 
-/// With .7 the energy holds more of the mesh, and the result near a body depends more on what is far from it.
+/// What is left of a value after a step. With .7 the energy holds more of the mesh, and the result near a body depends
+/// more on what is far from it.
 constexpr double kFade = 0.5;
 constexpr int kMostSteps = 20;
 

@@ -8,9 +8,9 @@
 
 namespace varimesh {
 
-/// By CellSet::first + cell: the largest of kFade^n times the value of a cell n steps away, where a step leads to a
-/// cell that shares a vertex. After kMostSteps of them it falls no further, so it is positive if one value is. It does
-/// not depend on the order of the cells.
+/// By CellSet::first + cell: the largest value of a cell of `values`, halved for each step on the way from there. A
+/// step leads to a cell that shares a vertex. After 20 steps the value falls no further, so all results are positive if
+/// one value is. They do not depend on the order of the cells.
 std::vector<double> loss_around(const Problem& problem, std::span<const double> values);
 
 }  // namespace varimesh

@@ -14,7 +14,7 @@ namespace varimesh {
 /// M⁻¹ = Σ_q I_q D_q⁻¹ I_qᵀ, q = 1 … P, in which I_q are the values at the mesh's nodes of a map of order q, and D_q
 /// the diagonal of the second derivative there: the additive method of J. Xu, SIAM Review 34, 1992, with orders in
 /// place of refinements. Parts of low degree s weigh κ^(2(P−s)) times as much as those of degree P (modal_form.h), a
-/// factor as small as 1e-7 at order 6. A diagonal at the nodes of order P would not see them. In the space of each
+/// tiny factor on fine meshes. A diagonal at the nodes of order P would not see them. In the space of each
 /// order the form is, up to this factor, like a mass matrix, whose diagonal is a good preconditioner whatever the size
 /// of the cells.
 class OrderLevels {
