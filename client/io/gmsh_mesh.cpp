@@ -38,8 +38,22 @@ std::vector<std::string> lines_of(const std::filesystem::path& log) {
   return lines;
 }
 
+/// What gmsh read, and what the user calls it.
+struct Names {
+  std::filesystem::path link, script;
+  std::string model;
+};
+
+/// The text with the user's name for what gmsh read.
+std::string as_named(std::string text, const Names& names) {
+  for (const std::string& path : {names.link.string(), names.script.string(), names.link.filename().string()})
+    for (std::size_t at = text.find(path); at != text.npos; at = text.find(path, at + names.model.size()))
+      text.replace(at, path.size(), names.model);
+  return text;
+}
+
 /// The first errors that gmsh printed, or else its last lines, in one line.
-std::string said(const std::filesystem::path& log) {
+std::string said(const std::filesystem::path& log, const Names& names) {
   constexpr std::size_t kShown = 4;
   std::vector<std::string> errors, lines = lines_of(log);
   for (const std::string& line : lines) {
@@ -50,7 +64,7 @@ std::string said(const std::filesystem::path& log) {
   if (errors.size() > kShown) errors.resize(kShown);
   std::string text;
   for (const std::string& line : errors.empty() ? lines : errors) text += (text.empty() ? "" : " | ") + line;
-  return text.empty() ? " It printed nothing." : " It printed: " + text;
+  return text.empty() ? " It printed nothing." : " It printed: " + as_named(text, names);
 }
 
 /// What gmsh does now: "Meshing surface 3 (Cylinder, Frontal-Delaunay)".
@@ -102,19 +116,22 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
         "or make a mesh with another program and use 'varimesh curve'.");
   const std::filesystem::path log = folder / "gmsh.log", made = folder / "made.msh";
   std::error_code failed;
-  // An absolute path never looks like an option.
-  std::filesystem::path input = std::filesystem::absolute(options.model, failed);
-  if (options.joins_bodies) {
-    // The script names a link beside it, so that no character of the model's path means something in it.
-    const std::filesystem::path link = folder / ("model" + ending_of(input));
-    const bool is_there = link_or_copy(input, link);
-    input = folder / "bodies.geo";
-    if (!is_there || !write_script(input, link))
-      return tl::unexpected<Error>(
-          {Error::Kind::Output, "No file can be written in '" + folder.string() + "'; make room."});
-  }
-  std::vector<std::string> arguments{input.string(), "-3",   "-order",    "1",       "-format",
-                                     "msh41",        "-bin", "-save_all", "-nopopup"};
+  // A link with an ending that gmsh knows. It never looks like an option, and no character of the model's path means
+  // something in a script that names it.
+  const std::filesystem::path model = std::filesystem::absolute(options.model, failed);
+  const Names names{folder / ("model" + ending_of(model)), folder / "bodies.geo", options.model};
+  if (!link_or_copy(model, names.link) || (options.joins_bodies && !write_script(names.script, names.link)))
+    return tl::unexpected<Error>(
+        {Error::Kind::Output, "No file can be written in '" + folder.string() + "'; make room."});
+  std::vector<std::string> arguments{(options.joins_bodies ? names.script : names.link).string(),
+                                     "-3",
+                                     "-order",
+                                     "1",
+                                     "-format",
+                                     "msh41",
+                                     "-bin",
+                                     "-save_all",
+                                     "-nopopup"};
   const auto set = [&](const char* name, double value) {
     arguments.insert(arguments.end(), {"-setnumber", name, fmt::format("{}", value)});
   };
@@ -136,9 +153,9 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
   if (end.way == ProgramEnd::Way::NotStarted)
     return bad_option("'" + gmsh + "' cannot be started (" + std::system_category().message(end.status) + ").");
   if (end.way != ProgramEnd::Way::Exited || end.status != 0)
-    return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + said(log));
+    return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + said(log, names));
   std::filesystem::rename(made, mesh, failed);
-  if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + said(log));
+  if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + said(log, names));
   return {};
 }
 
