@@ -134,6 +134,7 @@ Json geometry_document(const v1::GeometryReport& geometry) {
           {"farthest", geometry.farthest()},
           {"folded", {{"before", geometry.folded_before()}, {"after", geometry.folded_after()}}},
           {"distance", {{"before", distance(geometry.before())}, {"after", distance(geometry.after())}}},
+          {"straight_elements", geometry.straight_elements()},
           {"surfaces", std::move(surfaces)},
           {"sentences", std::vector<std::string>(geometry.sentences().begin(), geometry.sentences().end())}};
 }

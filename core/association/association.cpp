@@ -53,7 +53,9 @@ class Placing {
       least = foot.distance;
       best = {1, c, foot.distance, {foot.t, 0}};
     }
-    return second - least < kRivalTolerance * size_ ? NodeEntity{} : best;
+    if (best.dimension >= 0 && second - least >= kRivalTolerance * size_) return best;
+    // Bodies that touch in a corner have a vertex each, and no curve or vertex bounds the surfaces of all of them.
+    return vertex_at(x, {});
   }
 
   /// What the file says about the node.
@@ -110,8 +112,8 @@ class Placing {
     return std::ranges::all_of(surfaces, [&](int s) { return std::ranges::find(of, s) != of.end(); });
   }
 
-  /// The vertex at x that lies on all the surfaces. The vertex of a closed curve does not count if only seams end there
-  /// besides: a node may pass it.
+  /// The vertex at x that lies on all the surfaces, if there are any. The vertex of a closed curve does not count if
+  /// only seams end there besides: a node may pass it.
   NodeEntity vertex_at(const Eigen::Vector3d& x, const std::vector<int>& surfaces) const {
     for (std::size_t v = 0; v < geometry_.vertices.size(); ++v) {
       const double distance = (geometry_.vertices[v].x - x).norm();

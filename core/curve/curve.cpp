@@ -138,31 +138,36 @@ class Curving {
     }
   }
 
-  void count(const MeshParts& parts, const std::vector<bool>& moved) {
-    CurveReport& report = result_.report;
-    report.in_layers = std::ranges::count(moved, true);
-    std::set<int> held_tags;
-    std::map<int, std::string> outside;
-    std::set<std::int32_t> held;
-    for (std::size_t b = 0; b < mesh().blocks.size(); ++b) {
-      const ElementBlock& block = mesh().blocks[b];
-      if (reference::info(block.shape).dimension != 2) continue;
-      for (const std::int32_t node : block.nodes) {
-        if (result_.association.nodes[index(node)].dimension >= 0) continue;
-        held.insert(node);
-        held_tags.insert(block.entity);
-      }
-    }
-    result_.association.held.assign(held.begin(), held.end());
-    report.held = static_cast<std::int64_t>(held.size());
-    report.held_tags.assign(held_tags.begin(), held_tags.end());
-    report.straight = detail::count_straight_elements(mesh(), result_.association);
+  /// By node: whether it lies inside an edge or a face, and so was added to the linear mesh.
+  std::vector<bool> new_nodes(const MeshParts& parts) {
     std::vector<bool> is_new(mesh().node_count(), false);
     for (const MeshEdge& edge : parts.edges)
       for (const std::int32_t node : edge.inner) is_new[index(node)] = true;
     for (const MeshFace& face : parts.faces)
       for (const int local : detail::inner_blend(face.shape, mesh().order).inner)
         is_new[index(face.nodes[index(local)])] = true;
+    return is_new;
+  }
+
+  void count(const MeshParts& parts, const std::vector<bool>& moved) {
+    CurveReport& report = result_.report;
+    report.in_layers = std::ranges::count(moved, true);
+    std::set<int> held_tags;
+    std::map<int, std::string> outside;
+    std::set<std::int32_t> held;
+    const std::vector<bool> is_new = new_nodes(parts);
+    for (std::size_t b = 0; b < mesh().blocks.size(); ++b) {
+      const ElementBlock& block = mesh().blocks[b];
+      if (reference::info(block.shape).dimension != 2) continue;
+      for (const std::int32_t node : block.nodes) {
+        if (result_.association.nodes[index(node)].dimension >= 0) continue;
+        if (held.insert(node).second && is_new[index(node)]) ++report.held;
+        if (is_new[index(node)]) held_tags.insert(block.entity);
+      }
+    }
+    result_.association.held.assign(held.begin(), held.end());
+    report.held_tags.assign(held_tags.begin(), held_tags.end());
+    report.straight = detail::count_straight_elements(mesh(), result_.association);
     for (std::size_t node = 0; node < is_new.size(); ++node) {
       const NodeEntity& entity = result_.association.nodes[node];
       if (!is_new[node] || entity.dimension < 1) continue;
@@ -183,10 +188,10 @@ class Curving {
   std::vector<double> straight_;
 };
 
-/// "3, 7 and 2 more", with at most ten of them.
+/// "surfaces 3, 7 and 2 more", with at most ten of them, or "surface 3".
 std::string list(const std::vector<std::string>& names) {
   constexpr std::size_t kShown = 10;
-  std::string text;
+  std::string text = names.size() == 1 ? "surface " : "surfaces ";
   for (std::size_t i = 0; i < std::min(kShown, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
   if (names.size() > kShown) text += " and " + std::to_string(names.size() - kShown) + " more";
   return text;
@@ -213,13 +218,17 @@ std::vector<std::string> CurveReport::sentences() const {
       (in_layers > 0 ? ", " + std::to_string(in_layers) + " inside that follow the boundary in layers." : "."));
   if (held > 0)
     result.push_back(std::to_string(held) +
-                     " boundary nodes stay on straight sides, because it is not sure where they belong; they lie on "
-                     "surfaces " +
+                     (held == 1 ? " new boundary node stays on a straight side, because it is not sure where it "
+                                  "belongs; it lies on "
+                                : " new boundary nodes stay on straight sides, because it is not sure where they "
+                                  "belong; they lie on ") +
                      list(as_texts(held_tags)) + " of the mesh." + straight_text(straight));
   if (outside > 0)
     result.push_back(std::to_string(outside) +
-                     " new nodes lie outside the boundary of their surface, because the mesh is too coarse there; they "
-                     "are on surfaces " +
+                     (outside == 1 ? " new node lies outside the boundary of its surface, because the mesh is too "
+                                     "coarse there; it is on "
+                                   : " new nodes lie outside the boundary of their surface, because the mesh is too "
+                                     "coarse there; they are on ") +
                      list(outside_surfaces) + " of the geometry.");
   return result;
 }

@@ -14,7 +14,7 @@ struct CurveReport {
   std::int64_t on_curves = 0;    ///< New nodes on curves.
   std::int64_t on_surfaces = 0;  ///< New nodes on surfaces.
   std::int64_t in_layers = 0;    ///< New nodes inside the mesh that follow the boundary through thin elements.
-  std::int64_t held = 0;         ///< Boundary nodes that stay, since it is not sure where they belong.
+  std::int64_t held = 0;         ///< New boundary nodes that stay, since it is not sure where they belong.
   std::vector<int> held_tags;    ///< Tags of the mesh's surfaces that have such nodes, sorted.
   std::int64_t straight = 0;     ///< Boundary elements with such new nodes although the boundary is curved there.
   std::int64_t outside = 0;  ///< New nodes on a surface but outside its boundary or in a hole: the mesh is too coarse.

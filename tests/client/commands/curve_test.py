@@ -202,6 +202,9 @@ class Curve(WithFolder):
         self.assertRegex(done.stderr, r"varimesh: curved, but \d+ boundary elements stay straight\n")
         self.assertRegex(done.stderr, r"they lie on surfaces [\d, ]+ of the mesh\. The boundary is curved at \d+ elements")
         self.assertTrue(self.out.exists())
+        stays = int(re.search(r"but (\d+) boundary elements stay", done.stderr)[1])
+        done = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out, "--json")
+        self.assertEqual(json.loads(done.stdout)["geometry"]["straight_elements"], stays)
 
     def test_a_mesh_is_no_model(self):
         done = run("mesh", CASES / "disc_p4.msh", "--size", 0.5, "--order", 3, "-o", self.out)
@@ -246,6 +249,19 @@ class Curve(WithFolder):
         done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out, env=self.fake_gmsh(script))
         self.assertEqual(done.returncode, 3)
         self.assertIn("It printed: " + " | ".join("Error   : " + line for line in said) + "\n", done.stderr)
+
+    def test_errors_of_gmsh_name_the_model(self):
+        model = self.folder / "a sphere"  # without an ending
+        make(BODIES["sphere"][0], self.folder / "sphere.step")
+        shutil.copy(self.folder / "sphere.step", model)
+        script = "echo \"Error   : '$1', line 2: no model.step\"\nexit 1\n"
+        for bodies in ("joined", "separate"):
+            done = run("mesh", model, "--size", 0.5, "--order", 3, "--bodies", bodies, "-o", self.out,
+                       env=self.fake_gmsh(script))
+            self.assertEqual(done.returncode, 3, done.stderr)
+            self.assertIn(f"It printed: Error   : '{model}', line 2: no {model}\n", done.stderr)
+            done = run("mesh", model, "--size", 0.5, "--order", 2, "--bodies", bodies, "-o", self.out)
+            self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_the_name_of_a_model_is_no_command_of_gmsh(self):
         model = self.folder / 'a.";SystemCall "touch has-run'

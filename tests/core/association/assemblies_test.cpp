@@ -178,6 +178,50 @@ TEST(Assemblies, FindAFaceInsideALargerOneThatItTouches) {
   }
 }
 
+/// Adds three faces and three edges of a cube of width 1, those at the corner that is nearest to `corner`.
+void add_corner(geometry::Geometry& model, const Eigen::Vector3d& corner, const Eigen::Vector3d& along) {
+  const int v = int(model.vertices.size()), c = int(model.curves.size()), s = int(model.surfaces.size());
+  model.vertices.push_back({v + 1, corner});
+  for (int k = 0; k < 3; ++k) {
+    geometry::Frame frame;
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    frame.axes.setZero();
+    frame.axes(i, 0) = along[i];
+    frame.axes(j, 1) = along[j];
+    frame.axes.col(2) = frame.axes.col(0).cross(frame.axes.col(1));
+    frame.origin = corner;
+    model.surfaces.push_back({s + k + 1, geometry::plane(frame, 1, 1), {c + i, c + j}});
+    const Eigen::Vector3d end = corner + along[k] * Eigen::Vector3d::Unit(k);
+    model.curves.push_back({c + k + 1, geometry::line(corner, end), {v}, {s + i, s + j}});
+  }
+}
+
+TEST(Assemblies, HaveAVertexWhereBodiesTouchInACorner) {
+  // Two cubes that have no edge and no face in common.
+  geometry::Geometry model;
+  add_corner(model, Eigen::Vector3d::Zero(), {1, 1, 1});
+  add_corner(model, Eigen::Vector3d::Zero(), {-1, -1, -1});
+  HighOrderMesh mesh;
+  mesh.dimension = 2;
+  mesh.order = 1;
+  mesh.coordinates = {0, 0, 0};
+  for (const double side : {1, -1})
+    for (int k = 0; k < 3; ++k)
+      for (int l = 0; l < 3; ++l) mesh.coordinates.push_back(k == l ? side : 0);
+  for (std::int64_t number = 1; number <= 7; ++number) mesh.node_numbers.push_back(number);
+  for (int k = 0; k < 6; ++k) {
+    mesh.blocks.emplace_back();
+    mesh.blocks.back().shape = Shape::Triangle;
+    mesh.blocks.back().entity = k + 1;
+    mesh.blocks.back().numbers = {k + 1};
+    const int first = 1 + 3 * (k / 3);
+    mesh.blocks.back().nodes = {0, first + (k + 1) % 3, first + (k + 2) % 3};
+  }
+  const Association association = associated(mesh, model);
+  EXPECT_EQ(association.nodes[0].dimension, 0);
+  EXPECT_TRUE(association.held.empty());
+}
+
 TEST(Assemblies, KeepTheUnitIfAFarFieldIsTenTimesTheBody) {
   geometry::Geometry body;
   body.curves = {};

@@ -56,6 +56,29 @@ TEST(Associate, PutsBorderNodesOnCurvesAndTheOthersOnSurfaces) {
   }
 }
 
+TEST(Associate, IsTheSameFarFromTheOrigin) {
+  // A part in the coordinates of a site: ten thousand times its size from the origin.
+  const Eigen::Vector3d far(2e4, -1e4, 5e3);
+  geometry::Frame bottom, top;
+  bottom.origin = far;
+  top.origin = far + Eigen::Vector3d(0, 0, 2);
+  geometry::Geometry moved = pipe(4);
+  moved.curves[0].shape = geometry::circle(bottom, 1);
+  moved.curves[1].shape = geometry::circle(top, 1);
+  moved.surfaces[0].shape = geometry::cylinder(bottom, 1, 2);
+  HighOrderMesh mesh = pipe_mesh(4);
+  const Association here = associated(mesh, pipe(4));
+  for (std::size_t i = 0; i < mesh.coordinates.size(); ++i) mesh.coordinates[i] += far[std::ptrdiff_t(i % 3)];
+  const Association there = associated(mesh, moved);
+  EXPECT_EQ(there.factor, 1);
+  EXPECT_TRUE(there.held.empty());
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    EXPECT_EQ(there.nodes[node].dimension, here.nodes[node].dimension) << node;
+    EXPECT_EQ(there.nodes[node].entity, here.nodes[node].entity) << node;
+    EXPECT_LT(there.nodes[node].distance, 1e-10);
+  }
+}
+
 TEST(Associate, FindsASurfaceWithAnotherTagByDistance) {
   geometry::Geometry geometry = pipe(9);
   geometry::Frame aside;

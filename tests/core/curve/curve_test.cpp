@@ -269,9 +269,24 @@ TEST(Curve, NamesTheSurfacesOfNodesThatItHolds) {
   ASSERT_EQ(made.report.sentences().size(), 2U);
   const std::string said = made.report.sentences()[1];
   EXPECT_NE(said.find("surfaces 2, 4 of the mesh"), std::string::npos);
+  // Vertices stay where they came anyway. Each of the circle's edges has two new nodes.
+  EXPECT_EQ(made.report.held, 2 * kColumns);
   // Those of the wall. The end is flat.
   EXPECT_EQ(made.report.straight, kColumns);
   EXPECT_NE(said.find("curved at " + std::to_string(kColumns) + " elements"), std::string::npos);
+}
+
+TEST(Curve, SpeaksOfOneSurfaceAndOneNode) {
+  CurveReport report;
+  report.held = 1;
+  report.held_tags = {7};
+  report.outside = 2;
+  report.outside_surfaces = {"5 'Fillet'"};
+  const std::vector<std::string> sentences = report.sentences();
+  ASSERT_EQ(sentences.size(), 3u);
+  EXPECT_TRUE(sentences[1].starts_with("1 new boundary node stays on a straight side")) << sentences[1];
+  EXPECT_NE(sentences[1].find("it lies on surface 7 of the mesh"), std::string::npos) << sentences[1];
+  EXPECT_NE(sentences[2].find("they are on surface 5 'Fillet' of"), std::string::npos) << sentences[2];
 }
 
 TEST(Curve, RefusesAnOrderThatDoesNotExist) {
