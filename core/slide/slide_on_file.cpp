@@ -78,7 +78,8 @@ struct Work {
   std::vector<std::string> sentences;
   SlideReport report = {};
   std::int64_t straight_elements = 0;
-  std::optional<std::vector<double>> as_curved = std::nullopt;  ///< The coordinates before nodes slide.
+  std::optional<std::vector<double>> as_curved = std::nullopt;  ///< The coordinates before nodes slide,
+  std::size_t sentences_as_curved = 0;                          ///< and the number of sentences.
 
   Expected<void> run(const geometry::Geometry& geometry) {
     Expected<Association> association;
@@ -123,6 +124,7 @@ struct Work {
     straight_elements = curved->report.straight;
     mesh = std::move(curved->mesh);
     as_curved = mesh.coordinates;
+    sentences_as_curved = sentences.size();
     return std::move(curved->association);
   }
 
@@ -150,7 +152,9 @@ Expected<void> check_with_mesh(const HighOrderMesh& mesh, const GeometryOptions&
     return bad_option(
         "slide is coupled, which moves the nodes inside volume elements too, and a surface has none; choose all.");
   Expected<void> checked;
-  team.run([&] { checked = check_judgeable(mesh, team); });
+  // A mesh that is to be curved is no result before, even if the time is over.
+  const Team checking = options.order > 0 ? team.without_stop() : team;
+  checking.run([&] { checked = check_judgeable(mesh, checking); });
   if (checked) checked = check_order(mesh, options.order);
   if (!checked) return checked;
   if (const auto fixed = nodes_of_groups(mesh, options.fix); !fixed) return tl::unexpected(fixed.error());
@@ -168,6 +172,7 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
   curving_team.set_stop(options.order > 0 ? &asked : options.stop);
   Work work{mesh, options, options.slide, team, curving_team, {}};
   if (model != nullptr) work.sentences = model->notes;
+  const NodesWithParameters before(mesh);
   std::vector<double> coordinates = mesh.coordinates;
   std::optional<HighOrderMesh> straight;  // curving changes everything
   if (options.order > 0) straight = mesh;
@@ -178,6 +183,7 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
       mesh.coordinates = std::move(coordinates);
   };
   Expected<void> done;
+  bool is_cut_short = false;
   try {
     done = model == nullptr ? work.run_on_boundary() : work.run(*model);
   } catch (const Interrupted&) {
@@ -185,14 +191,17 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
       go_back();
       throw;
     }
+    is_cut_short = true;
     mesh.coordinates = std::move(*work.as_curved);
+    before.forget_moved(mesh);  // those that were put on the geometry
+    work.sentences.resize(work.sentences_as_curved);
     work.sentences.emplace_back("Sliding was cut short, so boundary nodes stay where curving has put them.");
   }
   if (!done) {
     go_back();
     return tl::unexpected(done.error());
   }
-  return SlidOnGeometry{std::move(work.sentences), work.report, work.straight_elements};
+  return SlidOnGeometry{std::move(work.sentences), work.report, work.straight_elements, is_cut_short};
 }
 
 Team team_of(const GeometryOptions& options) {

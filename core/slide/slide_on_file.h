@@ -30,6 +30,7 @@ struct SlidOnGeometry {
   std::vector<std::string> sentences;
   SlideReport report;
   std::int64_t straight_elements = 0;  ///< CurveReport::straight, if the mesh was curved.
+  bool is_cut_short = false;           ///< The mesh was curved, but the work was to stop before its nodes had slid.
 };
 
 /// slide_on_file() on a geometry that has been read already, to the same bits. `options.file` is not looked at.

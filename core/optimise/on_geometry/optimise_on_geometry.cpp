@@ -1,6 +1,7 @@
 #include "core/optimise/on_geometry/optimise_on_geometry.h"
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
 #include "core/base/stop_token.h"
@@ -29,9 +30,9 @@ bool is_weak(const Result& result) { return left(result) > 0 || smallest(result)
 /// The runs on one mesh. What the constructor takes must outlive the object.
 class Runs {
  public:
-  /// @param spent  of the time limit, in seconds
+  /// @param watch  runs since the time limit began
   Runs(HighOrderMesh mesh, const Options& options, const GeometryOptions& geometry, const geometry::Geometry* model,
-       double spent, const OnIteration& on_iteration, const RunControl& control, const OnGeometryHooks& hooks)
+       const Stopwatch& watch, const OnIteration& on_iteration, const RunControl& control, const OnGeometryHooks& hooks)
       : mesh_(std::move(mesh)),
         options_(options),
         geometry_(geometry),
@@ -40,7 +41,8 @@ class Runs {
         control_(control),
         hooks_(hooks),
         checkpoints_(control),
-        spent_(spent) {
+        watch_(watch),
+        spent_(watch.seconds()) {
     geometry_.fix = options.fix;
   }
 
@@ -64,9 +66,16 @@ class Runs {
   struct Run {
     Result result;
     std::optional<SlidAndMeasured> slid;
+    /// Why no node has slid. A trial then has no result.
+    StopToken::Reason cut_short = StopToken::Reason::None;
   };
 
+  /// Of the time limit, in seconds. Runs that go on from a checkpoint have spent more than has passed since.
+  double spent() const { return std::max(spent_, watch_.seconds()); }
+
   void try_others() {
+    // If sliding was cut short, the mesh was optimised as it came, and to slide once more would take no less time.
+    if (!best_.slid || best_.slid->slid.is_cut_short) return;
     if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
     if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto)
       try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
@@ -75,7 +84,7 @@ class Runs {
 
   /// Takes another run if it is better.
   void try_other(SlideOn slide, const Asked& asked, double share) {
-    const bool is_over = options_.time_limit > 0 && spent_ >= options_.time_limit;
+    const bool is_over = options_.time_limit > 0 && spent() >= options_.time_limit;
     if (is_over || best_.result.stopped || is_stopped_ || (control_.stop_asked && control_.stop_asked())) return;
     SlideTrial trial;
     trial.slide = slide;
@@ -99,7 +108,12 @@ class Runs {
       trial.error = other.error().sentence;
       return;
     }
-    if (other->result.stopped) {
+    if (other->cut_short == StopToken::Reason::TimeLimit) {
+      trial.outcome = SlideTrial::Outcome::Failed;
+      trial.error = "The time limit passed while boundary nodes slid.";
+      return;
+    }
+    if (other->result.stopped || other->cut_short == StopToken::Reason::Asked) {
       trial.outcome = SlideTrial::Outcome::Stopped;
       is_stopped_ = true;
       return;
@@ -115,20 +129,19 @@ class Runs {
   /// @param share  of the time that is left
   Expected<Run> run(SlideOn slide, double share) {
     Options options = options_;
-    if (options.time_limit > 0) options.time_limit = std::max(kNoTime, share * (options.time_limit - spent_));
+    if (options.time_limit > 0) options.time_limit = std::max(kNoTime, share * (options.time_limit - spent()));
     HighOrderMesh mesh = mesh_;
     const bool slides = slide != SlideOn::None || !geometry_.on_boundary();
     Run run;
     const Stopwatch watch;
     if (slides) {
-      auto slid = slide_nodes(mesh, slide, options.time_limit);
-      if (!slid) return tl::unexpected(slid.error());
-      run.slid = std::move(*slid);
+      const auto fine = slide_nodes(mesh, slide, options.time_limit, run);
+      if (!fine) return tl::unexpected(fine.error());
       if (is_first_) tell_sentences(run.slid, std::nullopt);
     }
     const double seconds = watch.seconds();
     if (options.time_limit > 0) options.time_limit = std::max(kNoTime, options.time_limit - seconds);
-    const auto numbered = [before = iterations_, begun = spent_](Iteration iteration) {
+    const auto numbered = [before = iterations_, begun = spent()](Iteration iteration) {
       iteration.number += before;
       iteration.seconds += begun;
       return iteration;
@@ -136,17 +149,27 @@ class Runs {
     const OnIteration pass_on = [&](const Iteration& own) {
       return on_iteration_ ? on_iteration_(numbered(own)) : Control::Continue;
     };
-    auto result =
-        optimise(std::move(mesh), options, pass_on, checkpoints_.control_of_next(numbered, !slides || run.slid));
+    const RunControl control = checkpoints_.control_of_next(numbered, !slides || run.slid);
+    if (run.cut_short != StopToken::Reason::None && !is_first_) return run;
+    auto result = optimise(std::move(mesh), options, pass_on, control);
     if (!result) return tl::unexpected(result.error());
     spent_ += seconds + result->seconds;
     iterations_ += result->iterations;
     run.result = std::move(*result);
+    if (run.slid && run.slid->slid.report.nodes > 0) forget_that_nothing_moved(run.result.notes);
     return run;
   }
 
-  /// Nothing if sliding was stopped. The mesh is then as it came, and a sentence says so.
-  Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit) {
+  /// The optimisation does not know that boundary nodes have slid before it.
+  static void forget_that_nothing_moved(std::vector<std::string>& notes) {
+    constexpr std::string_view kNothing = "so nothing was moved", kMore = "so nothing was moved after nodes had slid";
+    for (std::string& note : notes)
+      if (const std::size_t at = note.find(kNothing); at != note.npos) note.replace(at, kNothing.size(), kMore);
+  }
+
+  /// Sets Run::slid, and Run::cut_short if sliding was stopped. The mesh is then as it came or as it was curved, and in
+  /// the first run a sentence says so.
+  Expected<void> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit, Run& run) const {
     StopToken stop(control_.stop_asked);
     if (limit > 0) stop.stop_after(kMostToSlide * limit);
     GeometryOptions geometry = geometry_;
@@ -156,16 +179,21 @@ class Runs {
     geometry.threads = threads ? threads() : options_.threads;
     geometry.stop = &stop;
     try {
-      if (model_ != nullptr) return slide_and_measure(mesh, geometry, *model_);
-      return slide_on_boundary(mesh, geometry).map([](SlidOnGeometry&& slid) {
-        return SlidAndMeasured{std::move(slid), {}};
-      });
+      auto slid = model_ != nullptr ? slide_and_measure(mesh, geometry, *model_)
+                                    : slide_on_boundary(mesh, geometry).map([](SlidOnGeometry&& on_boundary) {
+                                        return SlidAndMeasured{std::move(on_boundary), {}};
+                                      });
+      if (!slid) return tl::unexpected(slid.error());
+      run.slid = std::move(*slid);
+      if (run.slid->slid.is_cut_short) run.cut_short = stop.reason();
     } catch (const Interrupted&) {
-      const bool is_over = stop.reason() == StopToken::Reason::TimeLimit;
-      tell(std::string(is_over ? "The time limit passed" : "The run was stopped") +
-           " while boundary nodes slid, so they are where they came.");
-      return std::nullopt;
+      run.cut_short = stop.reason();
+      const bool is_over = run.cut_short == StopToken::Reason::TimeLimit;
+      if (is_first_)
+        tell(std::string(is_over ? "The time limit passed" : "The run was stopped") +
+             " while boundary nodes slid, so they are where they came.");
     }
+    return {};
   }
 
   /// Tells what came of sliding, without what was told for `before`.
@@ -193,7 +221,8 @@ class Runs {
   ResultOnGeometry best_;
   bool is_first_ = true;
   int iterations_ = 0;       ///< Of all runs so far,
-  double spent_;             ///< and their seconds.
+  const Stopwatch& watch_;   ///< and their seconds:
+  double spent_;             ///< those before them, and what they say themselves.
   bool is_stopped_ = false;  ///< A run after the first was stopped.
 };
 
@@ -211,7 +240,7 @@ Expected<ResultOnGeometry> optimise_on_geometry(HighOrderMesh mesh, const Option
     if (!loaded) return tl::unexpected(loaded.error());
     model = &*loaded;
   }
-  return Runs(std::move(mesh), options, geometry, model, watch.seconds(), on_iteration, control, hooks).run();
+  return Runs(std::move(mesh), options, geometry, model, watch, on_iteration, control, hooks).run();
 }
 
 std::int64_t memory_needed_on_geometry(const HighOrderMesh& mesh, const Options& options,

@@ -251,6 +251,8 @@ std::string CoupledReport::sentence() const {
     return count == 1 ? std::string("1 element is") : std::to_string(count) + " elements are";
   };
   const std::string moved = "moved together for " + std::to_string(steps) + (steps == 1 ? " step" : " steps");
+  if (outcome == Outcome::NoTime)
+    return "The time was over while all nodes moved together, so the boundary stays as it slid.";
   if (outcome == Outcome::TooFar)
     return "All nodes " + moved +
            ", but no mesh on the way was within the limits of distance, so the boundary stays as it slid.";
@@ -261,26 +263,29 @@ std::string CoupledReport::sentence() const {
          " in the one with the boundary as it slid.";
 }
 
-SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,
-                          const CoupledLimits& limits, const Team& team, CoupledReport& coupled) {
-  const std::vector<double> as_it_came = mesh.coordinates;
-  SlideReport report;
+namespace {
+
+/// What slide_coupled() does after the nodes have slid bottom-up. Changes the mesh and what belongs to it at its end.
+/// @param start    the distances of the mesh as it came
+/// @param seconds  no step begins later; 0: no limit
+/// @param report   of bottom-up sliding; that of all
+void move_all_together(HighOrderMesh& mesh, Association& association, const std::vector<double>& as_it_came,
+                       const Distance& start, const std::vector<bool>& fixed, double tolerance, double seconds,
+                       const Team& team, SlideReport& report, CoupledReport& coupled) {
   std::optional<Energies> energies;
   std::optional<Descent> descent;
   std::optional<Judged> inside, all;
   team.run([&] {
-    const Distance start = distance_of(mesh, association, fixed, team);
-    report = slide(mesh, association, SlideOn::All, fixed, team);
     // Two sides of a period would be moved by different cells.
     std::vector<bool> stays = fixed;
     PeriodicPairs(mesh, association.size).fix_all(stays);
     energies.emplace(mesh, association, as_it_came, stays, team);
-    descent.emplace(*energies, mesh, limits.seconds, team);
+    descent.emplace(*energies, mesh, seconds, team);
     inside = descent->inside();
     const double rounding = kRounding * association.size;
-    const DistanceLimit surfaces = limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding);
-    const DistanceLimit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
-    const DistanceLimit on_curves = limits.tolerance > 0 ? curves : larger(surfaces, curves);
+    const DistanceLimit surfaces = limit_of(tolerance, start.surfaces, inside->distance.surfaces, rounding);
+    const DistanceLimit curves = limit_of(tolerance, start.curves, inside->distance.curves, rounding);
+    const DistanceLimit on_curves = tolerance > 0 ? curves : larger(surfaces, curves);
     all = descent->everything(*inside, surfaces, on_curves);
     if ((all && all->merit.weak == 0) || descent->is_late()) return;
     descent->begin_again(kDeltaFallsFast);
@@ -292,15 +297,37 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
   using Outcome = CoupledReport::Outcome;
   coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->merit.uncertified,
              inside->merit.uncertified};
-  if (!all || goes_back(mesh, *all, *inside, team)) return report;
+  if (!all || goes_back(mesh, *all, *inside, team)) return;
+  team.run([&] { descent->take(all->state); });
   coupled.outcome = Outcome::Taken;
   coupled.left_after = all->merit.uncertified;
-  team.run([&] { descent->take(all->state); });
   mesh.coordinates = all->state.coordinates;
   energies->boundary.write(association);
   report.folded_after = all->folded;
   report.after = {all->distance.surfaces.largest, all->distance.surfaces.rms()};
   count_moved(as_it_came, mesh, association, report);
+}
+
+}  // namespace
+
+SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,
+                          const CoupledLimits& limits, const Team& team, CoupledReport& coupled) {
+  constexpr double kNoTime = 1e-9;  // 0 would mean no limit
+  const Stopwatch watch;
+  const std::vector<double> as_it_came = mesh.coordinates;
+  SlideReport report;
+  Distance start;
+  team.run([&] {
+    start = distance_of(mesh, association, fixed, team);
+    report = slide(mesh, association, SlideOn::All, fixed, team);
+  });
+  const double seconds = limits.seconds > 0 ? std::max(kNoTime, limits.seconds - watch.seconds()) : 0;
+  try {
+    move_all_together(mesh, association, as_it_came, start, fixed, limits.tolerance, seconds, team, report, coupled);
+  } catch (const Interrupted&) {
+    if (team.stop()->reason() == StopToken::Reason::Asked) throw;
+    coupled.outcome = CoupledReport::Outcome::NoTime;
+  }
   return report;
 }
 

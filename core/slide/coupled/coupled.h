@@ -15,9 +15,10 @@ namespace varimesh::detail {
 /// What came of it.
 struct CoupledReport {
   enum class Outcome : std::uint8_t {
-    Taken,    ///< Otherwise the mesh is as bottom-up sliding has left it:
-    TooFar,   ///< no state on the way was within the limits of distance,
-    NoBetter  ///< or none of those within was better.
+    Taken,     ///< Otherwise the mesh is as bottom-up sliding has left it:
+    TooFar,    ///< no state on the way was within the limits of distance,
+    NoBetter,  ///< or none of those within was better,
+    NoTime     ///< or the time was over.
   };
   Outcome outcome = Outcome::TooFar;
   int steps = 0;                 ///< Newton steps.
@@ -31,8 +32,8 @@ struct CoupledReport {
 /// How far and how long all nodes may move together.
 struct CoupledLimits {
   double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
-  /// After this many seconds no further step begins. The last state is then held back within the limits of distance,
-  /// and the best state so far is taken. 0: no limit.
+  /// After this many seconds, those of bottom-up sliding included, no further step begins. The last state is then held
+  /// back within the limits of distance, and the best state so far is taken. 0: no limit.
   double seconds = 0;
 };
 
@@ -58,7 +59,8 @@ struct CoupledLimits {
 /// mesh have moved. They also go back if as many cells are weak and some are not certified valid: that a few of them
 /// are hardly valid now is worth nothing, and would keep a split from making room. Nodes of the boundary lie on
 /// their entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end
-/// it. Do not call it inside team.run().
+/// it. Do not call it inside team.run(). Throws Interrupted if the work is to stop while nodes slide bottom-up, or if
+/// the caller asks for it later. If the time of the team's token is over later, the boundary stays as it slid.
 ///
 /// @param coupled  what came of the second part
 SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,

@@ -118,6 +118,37 @@ TEST(Coupled, LeavesTheMeshAsItCameIfItIsToStop) {
   EXPECT_TRUE(slides(all));
 }
 
+TEST(Coupled, KeepsWhatSlidBottomUpIfItsTimeIsOver) {
+  const HighOrderMesh start = DiscMesh(1, 3).mesh();
+  HighOrderMesh bottom_up = start;
+  slid(bottom_up, {});
+  ASSERT_NE(bottom_up.coordinates, start.coordinates);
+  int looks = 0;
+  const auto slides = [&](int most) {
+    StopToken stop([&] {
+      if (++looks > most) stop.stop_after(0);
+      return false;
+    });
+    HighOrderMesh mesh = start;
+    GeometryOptions options = coupled();
+    options.threads = 1;
+    options.stop = &stop;
+    looks = 0;
+    const auto done = slide_on_model(mesh, options, solid_cylinder());
+    EXPECT_TRUE(done) << done.error().sentence;
+    const bool says_so = done && done->sentences.back().starts_with("The time was over");
+    return std::pair(mesh.coordinates, says_so);
+  };
+  const auto [whole, is_late] = slides(std::numeric_limits<int>::max());
+  EXPECT_FALSE(is_late);
+  const int all = looks;
+  for (const int most : {3 * all / 4, all - 1}) {
+    const auto [coordinates, says_so] = slides(most);
+    EXPECT_TRUE(says_so) << most;
+    EXPECT_EQ(coordinates, bottom_up.coordinates) << most;
+  }
+}
+
 TEST(Coupled, FixedNodesStay) {
   HighOrderMesh start = DiscMesh(2, 3).mesh(), mesh;
   start.blocks[0].physical = {7};

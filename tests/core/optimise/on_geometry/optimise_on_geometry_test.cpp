@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <thread>
 
 #include "core/optimise/memory.h"
 #include "tests/core/support/cases.h"
@@ -150,6 +153,56 @@ TEST(OptimiseOnGeometry, EndsWithTheMeshAsItCameIfTheTimePassesWhileNodesSlide) 
   EXPECT_FALSE(done.slid);
   EXPECT_TRUE(done.trials.empty());
   EXPECT_EQ(done.result.mesh.coordinates, disc().coordinates);
+}
+
+TEST(OptimiseOnGeometry, SaysThatATrialWasCutShort) {
+  // The time passes as soon as the second way to slide begins.
+  Options options;
+  options.time_limit = 2;
+  OnGeometryHooks hooks;
+  hooks.on_trial = [&](const SlideTrial& trial) {
+    if (trial.outcome == Outcome::Running) std::this_thread::sleep_for(std::chrono::duration<double>(2.01));
+  };
+  const ResultOnGeometry done = on_cylinder(SlideOn::Auto, options, {}, hooks);
+  ASSERT_EQ(done.trials.size(), 1u);
+  EXPECT_EQ(done.trials[0].slide, SlideOn::Coupled);
+  EXPECT_EQ(done.trials[0].outcome, Outcome::Failed);
+  EXPECT_NE(done.trials[0].error.find("time limit"), std::string::npos);
+  ASSERT_TRUE(done.slid);
+  EXPECT_GT(done.slid->slid.report.nodes, 0);
+}
+
+TEST(OptimiseOnGeometry, TriesNothingElseIfACurvedMeshHadNoTimeToSlide) {
+  Options options;
+  options.time_limit = 1e-6;
+  GeometryOptions geometry;
+  geometry.order = 3;
+  const auto done = optimise_on_geometry(DiscMesh(2, 1).mesh(), options, geometry, &cylinder());
+  ASSERT_TRUE(done) << done.error().sentence;
+  ASSERT_TRUE(done->slid);
+  EXPECT_TRUE(done->slid->slid.is_cut_short);
+  EXPECT_GT(left(done->result), 0);
+  EXPECT_TRUE(done->trials.empty());
+  for (const std::string& sentence : done->slid->slid.sentences)
+    EXPECT_EQ(sentence.find("boundary nodes slid"), std::string::npos) << sentence;
+}
+
+TEST(OptimiseOnGeometry, DoesNotSayThatNothingWasMovedAfterNodesHaveSlid) {
+  // Straight sides are at their optimum once the node in the middle of the top, on which faces fold over, is back.
+  GeometryOptions geometry;
+  geometry.slide = SlideOn::All;
+  HighOrderMesh mesh = DiscMesh(2, 1).mesh();
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    double* x = &mesh.coordinates[3 * node];
+    if (x[2] == 1 && std::hypot(x[0], x[1]) < 0.01) x[0] += 1.2;
+  }
+  const auto done = optimise_on_geometry(mesh, {}, geometry, &cylinder());
+  ASSERT_TRUE(done) << done.error().sentence;
+  ASSERT_TRUE(done->slid);
+  ASSERT_GT(done->slid->slid.report.nodes, 0);
+  std::string notes;
+  for (const std::string& note : done->result.notes) notes += note;
+  EXPECT_NE(notes.find("nothing was moved after nodes had slid"), std::string::npos) << notes;
 }
 
 /// A checkpoint of a run, and the iteration after which it was made.
