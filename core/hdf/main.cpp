@@ -7,15 +7,13 @@
 // (core/formats/hdf5/protocol.h). SECONDS of processor time and BYTES of memory are the limits; 0: none. Before it gets
 // the bytes of a file, the process gives up the right to open files, to reach other processes and to use networks
 // (core/process/sandbox.h).
-#include <fcntl.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <new>
 #include <optional>
@@ -46,11 +44,6 @@ using formats::hdf5::Outgoing;
 
 /// Whoever started the program is gone.
 struct Gone {};
-
-void limit(int what, rlim_t most) {
-  const rlimit limits{most, most};
-  setrlimit(static_cast<__rlimit_resource>(what), &limits);
-}
 
 std::size_t receive(std::span<char> to) {
   for (;;) {
@@ -121,22 +114,14 @@ void serve(hdf::Writer* writer, Incoming& from, Outgoing& to) {
   to.flush();
 }
 
-void give_up_rights() {
-  // The next file that is opened would get the lowest free descriptor, which must be below the limit.
-  const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
-  ::close(next);
-  limit(RLIMIT_NOFILE, rlim_t(next));
-  (void)use_only_open_files();  // on a system without such filters, the limits remain
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc != 4) return 2;
-  prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
-  if (const rlim_t seconds = std::strtoull(argv[2], nullptr, 10)) limit(RLIMIT_CPU, seconds);
-  if (const rlim_t bytes = std::strtoull(argv[3], nullptr, 10)) limit(RLIMIT_AS, bytes);
-  limit(RLIMIT_CORE, 0);
+  begin_confinement();
+  Confinement keeps;
+  keeps.processor_seconds = std::strtoll(argv[2], nullptr, 10);
+  keeps.memory = std::strtoll(argv[3], nullptr, 10);
   setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1);  // the file has no name, so no other process has it open
   unsetenv("HDF5_PLUGIN_PATH");
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // prints nothing
@@ -147,12 +132,14 @@ int main(int argc, char** argv) {
     std::optional<hdf::Writer> writer;
     try {
       if (std::strcmp(argv[1], "write") == 0) writer.emplace();
+      keeps.threads = writer.has_value();
+      if (writer) keeps.file_bytes = keeps.memory > 0 ? keeps.memory : std::numeric_limits<std::int64_t>::max();
     } catch (const std::exception& failure) {
       refuse(Outcome::Failed, failure.what(), to);
       to.flush();
       ::_exit(3);
     }
-    give_up_rights();
+    (void)confine_this_process(keeps);  // on a system without filters, the limits remain
     serve(writer ? &*writer : nullptr, from, to);
   } catch (const Gone&) {
   }

@@ -7,31 +7,22 @@
 // about what it took to descriptor 4. Descriptor 6 gets a line for each face that has a name: its number, a space and
 // the name. If the file cannot be used, descriptor 4 gets the sentence that says why, and the exit status is 3. SECONDS
 // of processor time and BYTES of memory are its limits; 0: none.
-#include <sys/prctl.h>
-#include <sys/resource.h>
-
 #include <BinTools.hxx>
 #include <Standard_Failure.hxx>
-#include <csignal>
 #include <cstdlib>
 #include <exception>
+#include <limits>
 #include <sstream>
 #include <string>
 
 #include "core/base/io/write_all.h"
-#include "core/opencascade/confine.h"
 #include "core/opencascade/shapes.h"
+#include "core/process/sandbox.h"
 
 namespace {
 
-constexpr int kShape = 3, kSentence = 4, kNames = 6;
+constexpr int kShape = 3, kSentence = 4, kInput = 5, kNames = 6;
 constexpr const char* kFile = "/proc/self/fd/5";
-
-void limit(int what, const char* most) {
-  const rlim_t value = std::strtoull(most, nullptr, 10);
-  const rlimit limits{value, value};
-  if (value > 0) setrlimit(static_cast<__rlimit_resource>(what), &limits);
-}
 
 int refuse(const std::string& sentence) {
   varimesh::write_all(kSentence, sentence);
@@ -64,11 +55,17 @@ int read() {
 
 int main(int argc, char** argv) {
   if (argc != 3) return 2;
-  prctl(PR_SET_PDEATHSIG, SIGKILL);  // whoever waits for the shape is gone
-  limit(RLIMIT_CPU, argv[1]);
-  limit(RLIMIT_AS, argv[2]);
-  limit(RLIMIT_CORE, "1");
-  (void)varimesh::cad::confine_this_process();  // without filters, the process of its own and its limits protect
+  varimesh::begin_confinement();
+  varimesh::Confinement keeps;
+  keeps.processor_seconds = std::strtoll(argv[1], nullptr, 10);
+  keeps.memory = std::strtoll(argv[2], nullptr, 10);
+  keeps.file_bytes = keeps.memory > 0 ? keeps.memory : std::numeric_limits<std::int64_t>::max();
+  constexpr int kOpenAtOnce = 4;
+  keeps.more_descriptors = kOpenAtOnce;
+  // OpenCASCADE reads IGES files by their names only.
+  keeps.path = kFile;
+  keeps.file = kInput;
+  (void)varimesh::confine_this_process(keeps);  // without filters, the process of its own and its limits protect
   try {
     return read();
   } catch (const Standard_Failure& failure) {

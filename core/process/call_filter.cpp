@@ -25,7 +25,7 @@ std::size_t place_of(int argument) {
 
 }  // namespace
 
-CallFilter::CallFilter(Others others) : others_(others) {
+CallFilter::CallFilter() {
   load(offsetof(seccomp_data, arch));
   add(BPF_JMP | BPF_JEQ | BPF_K, kArchitecture, 1, 0);
   add(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS);
@@ -43,9 +43,9 @@ void CallFilter::allow(long call) {
   answer_allowed();
 }
 
-void CallFilter::refuse(long call, int error) {
+void CallFilter::trap(long call) {
   only_for(call, 1);
-  answer_refused(error);
+  add(BPF_RET | BPF_K, SECCOMP_RET_TRAP);
 }
 
 void CallFilter::allow_if(long call, int argument, std::uint32_t mask, std::uint32_t bits) {
@@ -69,8 +69,12 @@ void CallFilter::allow_null(long call, int argument) {
 
 void CallFilter::allow_threads() {
   // The newer call hides its flags from the filter; without it the library takes the older.
-  refuse(SYS_clone3, ENOSYS);
-  allow_if(SYS_clone, 0, CLONE_THREAD | CLONE_VM, CLONE_THREAD | CLONE_VM);
+  only_for(SYS_clone3, 1);
+  answer_refused(ENOSYS);
+  constexpr std::uint32_t kThread = CLONE_THREAD | CLONE_VM;
+  constexpr std::uint32_t kOtherViews =
+      CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
+  allow_if(SYS_clone, 0, kThread | kOtherViews, kThread);
 }
 
 bool CallFilter::install() {
@@ -78,10 +82,7 @@ bool CallFilter::install() {
     errno = ENOSYS;
     return false;
   }
-  if (others_ == Others::Allowed)
-    answer_allowed();
-  else
-    answer_refused(EPERM);
+  answer_refused(EPERM);
   const sock_fprog program{static_cast<unsigned short>(code_.size()), code_.data()};
   return prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }

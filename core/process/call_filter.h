@@ -11,23 +11,20 @@
 
 namespace varimesh {
 
-/// Rules for system calls. The first rule for a call decides about it.
+/// Rules for system calls. The first rule for a call decides about it. Calls without a rule fail with EPERM.
 class CallFilter {
  public:
-  /// What becomes of calls without a rule. Those that are refused fail with EPERM.
-  enum class Others : std::uint8_t { Allowed, Refused };
-
-  explicit CallFilter(Others others);
+  CallFilter();
 
   void allow(long call);
-  /// The call fails with `error`.
-  void refuse(long call, int error = EPERM);
+  /// The thread that makes the call gets SIGSYS, whose handler gives the call its result.
+  void trap(long call);
   /// Allows the call if the lower half of the argument has exactly these of the bits of `mask`. Otherwise it fails with
   /// EPERM.
   void allow_if(long call, int argument, std::uint32_t mask, std::uint32_t bits);
   /// Allows the call if the argument is a null pointer. Otherwise it fails with EPERM.
   void allow_null(long call, int argument);
-  /// Threads are allowed, but no processes.
+  /// Threads are allowed, but no processes, and no threads that see another machine than this one.
   void allow_threads();
 
   /// From now on the rules hold for this thread and those that it starts. The process must have given up new rights
@@ -42,7 +39,6 @@ class CallFilter {
   void answer_allowed();
   void answer_refused(int error);
 
-  Others others_;
   std::vector<sock_filter> code_;
 };
 

@@ -3,7 +3,7 @@
 //
 // Descriptor 3 is the socket to the server. The first messages bring the open files of the mesh and, if there is one,
 // of the checkpoint of an earlier attempt. Before the first byte of the mesh is read, the process gives up everything
-// that it does not need (sandbox.h).
+// that it does not need (core/process/sandbox.h).
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -14,6 +14,7 @@
 #include <csignal>
 #include <cstdint>
 #include <exception>
+#include <fstream>
 #include <memory>
 #include <mutex>
 #include <new>
@@ -32,7 +33,6 @@
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/channel.h"
-#include "server/isolation/sandbox.h"
 #include "server/isolation/socket_of_worker.h"
 #include "server/isolation/worker.pb.h"
 
@@ -270,6 +270,23 @@ RunRequest request_from(const worker::Request& message) {
   return request;
 }
 
+/// The size of this process's address space, in bytes; 0 if it is not known.
+std::int64_t address_space() {
+  std::int64_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * sysconf(_SC_PAGESIZE);
+}
+
+/// Gives up everything that a run does not need. Returns whether the system has filters for that.
+bool confine(const worker::Request& request) {
+  Confinement keeps;
+  keeps.processor_seconds = request.processor_seconds();
+  constexpr int kForHdf5 = 16;  // an HDF5 file takes one: the program's socket
+  keeps.more_descriptors = kForHdf5;
+  keeps.threads = true;
+  return confine_this_process(keeps);
+}
+
 worker::FromWorker failure(const Error& error) {
   worker::FromWorker message;
   message.mutable_failure()->set_kind(static_cast<int>(error.kind));
@@ -350,13 +367,13 @@ int serve() {
   }
   Conversation server(channel);
   if (message.has_hdf5()) ask_for_hdf5(server);
-  limit_this_process(message.processor_seconds());
+  begin_confinement();
   // While this process can still start programs: one of them reads the CAD file, under limits of its own.
   Expected<geometry::CadModel> model;
   if (has_model) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
   worker::FromWorker started;
   started.mutable_started()->set_address_space(address_space());
-  started.mutable_started()->set_is_filtered(use_only_open_files());
+  started.mutable_started()->set_is_filtered(confine(message));
   server.listen();
   server.say(started);
   if (!model) {

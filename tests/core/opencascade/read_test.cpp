@@ -27,7 +27,6 @@
 #include <thread>
 
 #include "core/geometry/load.h"
-#include "core/opencascade/confine.h"
 #include "tests/core/geometry/conformance.h"
 
 namespace varimesh::geometry {
@@ -270,34 +269,6 @@ TEST_F(CadFile, SaysInWhichUnitAFileCame) {
   ASSERT_EQ(geometry->notes.size(), 1U);
   EXPECT_EQ(geometry->notes[0], "The geometry's file has lengths in INCH; they are converted to millimetres.");
   EXPECT_NEAR(size(*geometry), 25.4 * std::sqrt(3), 1e-9);
-}
-
-constexpr int kNoFilter = 255;  // no errno
-
-/// What a confined process ends with after `act`: 0, errno, or kNoFilter if the system has no filters for system calls.
-int status_after(const std::function<bool()>& act) {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    if (!cad::confine_this_process()) ::_exit(kNoFilter);
-    ::_exit(act() ? 0 : errno);
-  }
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-TEST_F(CadFile, TheReaderCanOpenFilesOnlyToReadThem) {
-  if (status_after([] { return true; }) == kNoFilter)
-    GTEST_SKIP() << "This system has no filters for system calls, so nothing about them was tested.";
-  const std::string path = text("file", "text");
-  EXPECT_EQ(status_after([&] { return ::open(path.c_str(), O_RDONLY) >= 0; }), 0);
-  EXPECT_EQ(status_after([&] { return ::open(path.c_str(), O_WRONLY) >= 0; }), EPERM);
-  EXPECT_EQ(status_after([&] { return ::open((path + "2").c_str(), O_RDONLY | O_CREAT, 0600) >= 0; }), EPERM);
-  EXPECT_EQ(status_after([&] { return ::unlink(path.c_str()) == 0; }), EPERM);
-  EXPECT_EQ(status_after([] { return ::socket(AF_INET, SOCK_STREAM, 0) >= 0; }), EPERM);
-  EXPECT_EQ(status_after([] { return ::execl("/bin/true", "true", nullptr) == 0; }), EPERM);
-  EXPECT_EQ(status_after([] { return ::fork() >= 0; }), EPERM);
-  EXPECT_EQ(status_after([] { return std::thread([] {}).join(), true; }), 0);
 }
 
 }  // namespace
