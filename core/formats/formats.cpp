@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <optional>
 
+#include "core/formats/abaqus/abaqus.h"
 #include "core/formats/common/reading_notes.h"
 #include "core/formats/format_table.h"
+#include "core/formats/gmf/gmf.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
 #include "core/formats/hdf5/hdf5.h"
@@ -50,6 +52,9 @@ constexpr std::array kTable = {
     row(Format::Hopr, ".h5", begins_like_hdf5, read_hdf5, write_hdf5, not_in_hopr, check_hopr_sides),
     row(Format::Cgns, ".cgns", begins_like_hdf5, read_hdf5, write_hdf5, not_in_cgns, nullptr, 4),
     row(Format::Pyfr, ".pyfrm", nullptr, nullptr, write_hdf5, not_in_pyfr, check_pyfr_sides),
+    row(Format::Abaqus, ".inp", begins_like_abaqus, read_abaqus),
+    row(Format::Gmf, ".meshb", begins_like_gmf, read_gmf),
+    row(Format::Exodus, ".exo", begins_like_hdf5, read_hdf5),
 };
 
 constexpr std::array kInfos = [] {

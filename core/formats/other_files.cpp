@@ -27,6 +27,8 @@ constexpr std::string_view kMeshSurface =
     "make an STL file of it with: meshio convert FILE surface.stl; then mesh its inside with Gmsh (tutorial t13 of "
     "Gmsh)";
 constexpr std::string_view kGmshConverts = "convert it, for example with: gmsh FILE -save -format msh41 -o mesh.msh";
+constexpr std::string_view kNetcdf4 =
+    "write it in HDF5, with: nccopy -k netCDF-4 FILE mesh.exo (in Debian's package netcdf-bin)";
 constexpr std::string_view kVtu = "make a VTU file of it, for example with: meshio convert FILE mesh.vtu";
 constexpr std::string_view kMeshioConverts =
     "convert it, for example with: meshio convert FILE mesh.msh --output-format gmsh; better, give VariMesh the MSH "
@@ -44,12 +46,11 @@ constexpr std::array kOtherFiles{
     OtherFile{"NDIME", "an SU2 mesh", kGmshConverts},
     OtherFile{"solid ", "an STL file, which is a surface of flat triangles and not a volume mesh", kMeshInside},
     OtherFile{kObj, "an OBJ file, which is a surface of flat facets and not a volume mesh", kMeshSurface},
-    OtherFile{"*HEADING", "an Abaqus file", kGmshConverts},
-    OtherFile{"MeshVersionFormatted", "a Medit mesh", kGmshConverts},
     OtherFile{"@(#)ADF Database"sv, "a CGNS file of the old kind, ADF",
               "convert it to HDF5, with: adf2hdf FILE mesh.cgns"},
-    OtherFile{"CDF\x01"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
-    OtherFile{"CDF\x02"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
+    OtherFile{"CDF\x01"sv, "a NetCDF file of the old kind, such as Exodus", kNetcdf4},
+    OtherFile{"CDF\x02"sv, "a NetCDF file of the old kind, such as Exodus", kNetcdf4},
+    OtherFile{"CDF\x05"sv, "a NetCDF file of the old kind, such as Exodus", kNetcdf4},
     OtherFile{"\x1f\x8b"sv, "a compressed file", "uncompress it with: gunzip FILE"},
     OtherFile{"PK\x03\x04"sv, "a ZIP archive", "unpack it with: unzip FILE"},
 };
@@ -94,8 +95,9 @@ const OtherFile* find(std::string_view bytes) {
 
 std::string why_not_a_mesh(std::string_view bytes) {
   constexpr const char* kExpected =
-      "a Gmsh MSH file (versions 2.0 to 4.1), an MFEM mesh, a Nektar++ file, a VTU file, an ISM mesh, a mesh of HOPR "
-      "or a CGNS file was expected.";
+      "a Gmsh MSH file (versions 2.0 to 4.1), an MFEM mesh, a Nektar++ file, a VTU file, an ISM mesh, a mesh of HOPR, "
+      "a "
+      "CGNS, Exodus or Abaqus file or a GMF mesh was expected.";
   if (bytes.empty()) return std::string("The file is empty (0 bytes); ") + kExpected;
   if (const OtherFile* file = find(bytes))
     return "The file is " + std::string(file->is) + "; " + std::string(file->run) + ".";

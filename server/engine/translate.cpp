@@ -318,6 +318,11 @@ v1::MeshFormat to_proto(formats::Format format) {
       return v1::MESH_FORMAT_CGNS;
     case formats::Format::Pyfr:
       return v1::MESH_FORMAT_PYFR;
+    // These are only read, by their content, and a result in the format of the input is this one.
+    case formats::Format::Abaqus:
+    case formats::Format::Gmf:
+    case formats::Format::Exodus:
+      return v1::MESH_FORMAT_MSH41_BINARY;
   }
   return v1::MESH_FORMAT_UNSPECIFIED;
 }

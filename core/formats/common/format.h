@@ -28,12 +28,15 @@ enum class Format : std::uint8_t {
   Hopr,         ///< HDF5 mesh of HOPR, for FLEXI and others: 3-D, every order.
   Cgns,         ///< CGNS in HDF5, orders 1 to 4.
   Pyfr,         ///< PyFR's mesh in HDF5. Can only be written.
+  Abaqus,       ///< Abaqus input file, orders 1 and 2. Can only be read.
+  Gmf,          ///< GMF (libMeshb), .mesh and .meshb, orders 1 to 4. Can only be read.
+  Exodus,       ///< Exodus in HDF5, orders 1 and 2. Can only be read.
 };
 
 /// The names of the formats, in the order of Format.
-inline constexpr std::array<std::string_view, 13> kFormatNames = {
-    "auto",   "msh22", "msh22-binary", "msh41", "msh41-binary", "vtu", "mfem",
-    "nektar", "su2",   "ism",          "hopr",  "cgns",         "pyfr"};
+inline constexpr std::array<std::string_view, 16> kFormatNames = {
+    "auto", "msh22", "msh22-binary", "msh41", "msh41-binary", "vtu",    "mfem", "nektar",
+    "su2",  "ism",   "hopr",         "cgns",  "pyfr",         "abaqus", "gmf",  "exodus"};
 
 /// The name of a format; "auto" for Format::Auto.
 constexpr std::string_view format_name(Format format) { return kFormatNames[std::size_t(format)]; }

@@ -1,7 +1,8 @@
 // Reads and writes MFEM's meshes. Internal to core/formats.
 //
 // Format: mfem.org, "Mesh formats": versions 1.0 to 1.3. A mesh may have straight sides, or its nodes may be a
-// GridFunction in one of the spaces of mfem_space(). Not read: meshes with hanging nodes, periodic meshes, NURBS.
+// GridFunction in one of the spaces of mfem_space(). Periodic meshes are cut open, and periodic links keep what belongs
+// together. Not read: meshes with hanging nodes, NURBS.
 #pragma once
 
 #include <string>

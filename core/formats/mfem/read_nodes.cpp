@@ -273,49 +273,38 @@ void read_continuous(MfemReading& reading, const MfemTopology& topology) {
 
 // === Discontinuous spaces ================================================================================
 
+/// Thrown if cells with a common vertex, edge or face are at different places.
+struct Apart {};
+
 /// Collects the nodes that cells have in common, and finds cells that do not agree on one.
 class Joining {
  public:
-  Joining(MfemReading& reading, std::size_t nodes)
-      : reading_(reading), x_(reading.mesh.coordinates), known_(3 * nodes, false) {
+  Joining(MfemReading& reading, std::size_t nodes) : x_(reading.mesh.coordinates), known_(3 * nodes, false) {
     reading.scanner.reserve(x_, 3 * nodes);
     x_.assign(3 * nodes, 0.0);
   }
 
-  /// Takes component c of the nodes of a cell.
-  void take(std::size_t c, std::span<const std::int32_t> nodes, const Eigen::VectorXd& values, std::int64_t number) {
+  /// Takes component c of the nodes of a cell. Throws Apart.
+  void take(std::size_t c, std::span<const std::int32_t> nodes, const Eigen::VectorXd& values) {
+    const double size = values.maxCoeff() - values.minCoeff();
     for (std::size_t i = 0; i < nodes.size(); ++i) {
       const std::size_t at = 3 * std::size_t(nodes[i]) + c;
       const double value = values(Eigen::Index(i));
       if (!known_[at]) x_[at] = value;
       known_[at] = true;
-      const double gap = std::abs(x_[at] - value), size = values.maxCoeff() - values.minCoeff();
-      // Files have at least six digits, of the coordinate and not of the cell's size.
-      constexpr double kOfSize = 1e-5, kOfCoordinate = 2e-6;
-      if (gap > std::max(kOfSize * size, kOfCoordinate * std::abs(value)))
-        reading_.scanner.fail("element " + std::to_string(number) +
-                              " (counted from 1) has a vertex, edge or face in "
-                              "common with an element that is elsewhere: the mesh is periodic or has gaps; give "
-                              "VariMesh the mesh before MFEM made it periodic");
+      if (!is_one_place(x_[at], value, size)) throw Apart();
     }
   }
 
  private:
-  MfemReading& reading_;
   std::vector<double>& x_;
   std::vector<bool> known_;
 };
 
-void read_discontinuous(MfemReading& reading, const MfemTopology& topology) {
-  const Interiors interiors = count_interiors(reading);
-  const std::int64_t count = topology.interior_first() + interiors.nodes;
-  if (count > kMostNodes)
-    reading.scanner.fail("the mesh has " + std::to_string(count) + " nodes, more than VariMesh takes");
+/// Reads the nodes of all cells, and calls take(component, block, element, values of its nodes).
+template <class Take>
+void for_cell_values(MfemReading& reading, const Take& take) {
   Scanner& scan = reading.scanner;
-  if (std::size_t(interiors.dofs) * std::size_t(reading.nodes.components) > scan.left())
-    scan.fail_truncated("the coordinates of all nodes");
-  set_element_nodes(reading, topology);
-  Joining joining(reading, std::size_t(count));
   const auto components = std::size_t(reading.nodes.components);
   // By nodes: one pass over the cells per component. Otherwise one pass for all.
   const std::size_t passes = reading.nodes.by_nodes ? components : 1, together = components / passes;
@@ -332,11 +321,51 @@ void read_discontinuous(MfemReading& reading, const MfemTopology& topology) {
           for (Eigen::Index c = 0; c < values.cols(); ++c)
             values(i, c) = scan.finite(scan.number("a node's coordinate"), name);
         const Eigen::MatrixXd found = conversion.to_nodes * values;
-        for (std::size_t c = 0; c < together; ++c)
-          joining.take(pass + c, {block.nodes.data() + e * std::size_t(n), std::size_t(n)}, found.col(Eigen::Index(c)),
-                       block.numbers[e]);
+        for (std::size_t c = 0; c < together; ++c) take(pass + c, block, e, found.col(Eigen::Index(c)));
       }
     }
+}
+
+/// Reads the nodes again, each cell's for itself, and cuts the mesh open where cells are apart.
+void read_apart(MfemReading& reading) {
+  std::vector<std::size_t> first;  // of the nodes of each block
+  std::size_t count = 0;
+  for (const ElementBlock& block : reading.mesh.blocks) {
+    first.push_back(count);
+    if (has_cells(reading.mesh, block)) count += block.nodes.size();
+  }
+  std::vector<double> places;
+  reading.scanner.reserve(places, 3 * count);
+  places.assign(3 * count, 0.0);
+  for_cell_values(reading, [&](std::size_t c, const ElementBlock& block, std::size_t e, const Eigen::VectorXd& values) {
+    const auto of_block = first[std::size_t(&block - reading.mesh.blocks.data())];
+    const auto n = std::size_t(values.size());
+    for (std::size_t i = 0; i < n; ++i) places[3 * (of_block + e * n + i) + c] = values(Eigen::Index(i));
+  });
+  cut_open(reading, places);
+}
+
+void read_discontinuous(MfemReading& reading, const MfemTopology& topology) {
+  const Interiors interiors = count_interiors(reading);
+  const std::int64_t count = topology.interior_first() + interiors.nodes;
+  if (count > kMostNodes)
+    reading.scanner.fail("the mesh has " + std::to_string(count) + " nodes, more than VariMesh takes");
+  Scanner& scan = reading.scanner;
+  if (std::size_t(interiors.dofs) * std::size_t(reading.nodes.components) > scan.left())
+    scan.fail_truncated("the coordinates of all nodes");
+  set_element_nodes(reading, topology);
+  const std::size_t begin = scan.offset();
+  try {
+    Joining joining(reading, std::size_t(count));
+    for_cell_values(reading,
+                    [&](std::size_t c, const ElementBlock& block, std::size_t e, const Eigen::VectorXd& values) {
+                      const auto n = std::size_t(values.size());
+                      joining.take(c, {block.nodes.data() + e * n, n}, values);
+                    });
+  } catch (const Apart&) {
+    scan.go_to(begin);
+    read_apart(reading);
+  }
 }
 
 }  // namespace

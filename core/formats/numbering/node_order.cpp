@@ -140,6 +140,10 @@ constexpr std::array kTable = {
         NodeOrder::Nektar, "nektar",
         "Nektar++ developer guide, \"NodalTriEvenlySpaced\" and \"PolyEvenlySpaced\"; user guide, \"Curved\"",
         nektar_positions},
+    NodeOrderEntry{NodeOrder::Exodus, "exodus", "\"Exodus: A Finite Element Data Model\", SAND92-2137, elements",
+                   exodus_positions},
+    NodeOrderEntry{NodeOrder::Abaqus, "abaqus", "Abaqus' manual, solid element libraries, \"Node ordering\"",
+                   abaqus_positions},
 };
 
 }  // namespace

@@ -22,6 +22,9 @@ enum class NodeOrder : std::uint8_t {
   Rows,    ///< Row by row: i fastest, then j, then k.
   Cgns,    ///< CGNS, up to order 4: vertices, edges, faces, interior; the inside of a quadrilateral is a spiral.
   Nektar,  ///< Curves of Nektar++: triangles by vertices, edges and rows of the interior; other shapes row by row.
+  Exodus,  ///< Exodus, order 2: as CGNS, but the inside of hexahedra comes before their faces, which go axis by axis.
+  Abaqus,  ///< Abaqus, order 2: the edges of the bottom, of the top and between them; VTK's quadratic cells have it
+           ///< too.
 };
 
 /// One row of the table.
@@ -58,5 +61,9 @@ void add_face_rows(Positions& list, const Position& origin, const Position& firs
 
 /// The order of VTK, in vtk_order.cpp. For pyramids of order 2 and above these are positions in the hexahedron.
 Positions vtk_positions(Shape shape, int order);
+
+/// Those of Exodus and Abaqus, in quadratic_order.cpp. They have no orders above 2; for them, these are CGNS's.
+Positions exodus_positions(Shape shape, int order);
+Positions abaqus_positions(Shape shape, int order);
 
 }  // namespace varimesh::formats

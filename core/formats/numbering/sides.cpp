@@ -63,9 +63,27 @@ constexpr std::array kTable = {
     // HOHQMesh's documentation, "The ISM mesh file formats".
     Row{Sides::Ism, Shape::Quadrilateral, "", "01 12 32 03"},
     Row{Sides::Ism, Shape::Hexahedron, "", "0154 3267 0123 1265 4567 0374"},
+
+    // "Exodus: A Finite Element Data Model", SAND92-2137, node and side set numbering of the elements.
+    Row{Sides::Exodus, Shape::Line, "01", ""},
+    Row{Sides::Exodus, Shape::Triangle, "01 12 20", "01 12 20"},
+    Row{Sides::Exodus, Shape::Quadrilateral, "01 12 23 30", "01 12 23 30"},
+    Row{Sides::Exodus, Shape::Tetrahedron, "01 12 20 03 13 23", "013 123 032 021"},
+    Row{Sides::Exodus, Shape::Pyramid, "01 12 23 30 04 14 24 34", "014 124 234 304 0321"},
+    Row{Sides::Exodus, Shape::Prism, "01 12 20 03 14 25 34 45 53", "0143 1254 0352 021 345"},
+    Row{Sides::Exodus, Shape::Hexahedron, "01 12 23 30 04 15 26 37 45 56 67 74", "0154 1265 2376 0473 0321 4567"},
+
+    // Abaqus' manual, "Three-dimensional solid element library" and "Two-dimensional solid element library".
+    Row{Sides::Abaqus, Shape::Line, "01", ""},
+    Row{Sides::Abaqus, Shape::Triangle, "01 12 20", "01 12 20"},
+    Row{Sides::Abaqus, Shape::Quadrilateral, "01 12 23 30", "01 12 23 30"},
+    Row{Sides::Abaqus, Shape::Tetrahedron, "01 12 20 03 13 23", "021 013 123 032"},
+    Row{Sides::Abaqus, Shape::Pyramid, "01 12 23 30 04 14 24 34", "0321 014 124 234 304"},
+    Row{Sides::Abaqus, Shape::Prism, "01 12 20 34 45 53 03 14 25", "021 345 0143 1254 2035"},
+    Row{Sides::Abaqus, Shape::Hexahedron, "01 12 23 30 45 56 67 74 04 15 26 37", "0321 4567 0154 1265 2376 0473"},
 };
 
-constexpr std::size_t kFormats = std::size_t(Sides::Ism) + 1;
+constexpr std::size_t kFormats = std::size_t(Sides::Abaqus) + 1;
 
 /// Calls body(vertices) for each word of a row.
 template <class Body>

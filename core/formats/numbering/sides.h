@@ -17,13 +17,15 @@ enum class Sides : std::uint8_t {
   Nektar,     ///< The faces of Nektar++'s cells, whose points go from the first vertex to the second.
   Pyfr,       ///< The sides of PyFR's cells, with ascending vertices.
   Ism,        ///< The sides of ISM's cells, whose points go from the first vertex to the second and the fourth.
+  Exodus,     ///< Exodus: edges in the order of their nodes, and the sides that side sets name.
+  Abaqus,     ///< Abaqus: edges in the order of their nodes, and the faces S1, S2, … of surfaces.
 };
 
 /// The edges of a cell in the format's order, as pairs of Gmsh's local vertices. A line has itself.
 std::span<const std::array<std::int8_t, 2>> edges_of(Sides format, Shape shape);
 
 /// The faces of a cell in the format's order, with Gmsh's local vertices. A 2-D cell has itself for Mfem, and its edges
-/// for Cgns, Pyfr and Ism.
+/// for the others.
 std::span<const reference::Facet> faces_of(Sides format, Shape shape);
 
 /// The number of corners of an edge or face: 2, 3 or 4.

@@ -45,8 +45,8 @@ struct Hdf5Item {
 class Hdf5Source {
  public:
   virtual ~Hdf5Source() = default;
-  /// The members and attributes of the group with this path, such as "/" or "/Base/Zone". Takes their memory from the
-  /// allowance first.
+  /// The members and attributes of the group with this path, such as "/" or "/Base/Zone", or the attributes of an
+  /// array. Takes their memory from the allowance first.
   virtual std::vector<Hdf5Item> list(const std::string& group, FileAllowance& allowance) = 0;
   /// Reads rows of an array: integers and numbers of 8 bytes, or texts. `path`: for an attribute its owner's path, a
   /// line feed, and its name.
@@ -65,6 +65,8 @@ class Hdf5Group {
   /// Null if there is none.
   const Hdf5Item* find(std::string_view name, bool attribute = false) const;
   Hdf5Group group(std::string_view name) const;
+  /// An array as a group that has only its attributes.
+  Hdf5Group attributes_of(std::string_view name) const { return {*source_, *allowance_, path_of(name)}; }
 
   /// The one integer of an attribute.
   std::int64_t attribute(std::string_view name) const;

@@ -192,14 +192,16 @@ class File : public formats::Hdf5Source {
 
   std::vector<formats::Hdf5Item> list(const std::string& path, formats::FileAllowance& allowance) override {
     check_path(file_, path);
-    const Handle group(H5Gopen2(file_, path.c_str(), H5P_DEFAULT), H5Gclose, "a group cannot be opened");
+    const Handle object(H5Oopen(file_, path.c_str(), H5P_DEFAULT), H5Oclose, "a group cannot be opened");
     Listing listing{{}, allowance};
     hsize_t at = 0;
-    const herr_t members = H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, &at, add_member, &listing);
-    if (listing.failure) std::rethrow_exception(listing.failure);
-    check(members, "a group cannot be listed");
+    if (H5Iget_type(object) == H5I_GROUP) {
+      const herr_t members = H5Literate(object, H5_INDEX_NAME, H5_ITER_INC, &at, add_member, &listing);
+      if (listing.failure) std::rethrow_exception(listing.failure);
+      check(members, "a group cannot be listed");
+    }
     at = 0;
-    const herr_t attributes = H5Aiterate2(group, H5_INDEX_NAME, H5_ITER_INC, &at, add_attribute, &listing);
+    const herr_t attributes = H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, &at, add_attribute, &listing);
     if (listing.failure) std::rethrow_exception(listing.failure);
     check(attributes, "attributes cannot be listed");
     return std::move(listing.items);

@@ -10,10 +10,11 @@ namespace {
 
 TEST(ReportPage, AddsTheFormatOfTheInputToFormatsThatAreOnlyWritten) {
   for (const formats::FormatInfo& info : formats::all()) {
+    if (!info.writable) continue;  // nobody can ask for it
     const auto* value = value_of(*v1::MeshFormat_descriptor(), std::string(info.name));
     ASSERT_NE(value, nullptr) << info.name;
     const bool hdf5 = info.format == formats::Format::Hopr || info.format == formats::Format::Cgns;
-    if (!info.writable || (hdf5 && !formats::has_hdf5())) continue;
+    if (hdf5 && !formats::has_hdf5()) continue;
     const std::vector asked{static_cast<v1::MeshFormat>(value->number())};
     std::vector expected = asked;
     if (!info.readable) expected.push_back(v1::MESH_FORMAT_UNSPECIFIED);

@@ -52,12 +52,12 @@ TEST(MfemErrors, KindsOfMeshesThatAreNotTaken) {
   EXPECT_SAYS(kHead + kElements + nodes("H1_2D_P11", 4), "order 11");
 }
 
-TEST(MfemErrors, PeriodicMeshes) {
-  // The second triangle is moved to the right, as in a mesh whose sides are glued.
+TEST(MfemErrors, Gaps) {
+  // One vertex of the second triangle is elsewhere, so the mesh is not periodic either.
   const std::string own =
       "vertices\n4\n\nnodes\nFiniteElementSpace\nFiniteElementCollection: L2_T1_2D_P1\nVDim: 2\n"
       "Ordering: 1\n\n0 0\n1 0\n0 1\n1 0\n1 1\n5 1\n";
-  EXPECT_SAYS(kHead + kElements + own, "periodic");
+  EXPECT_SAYS(kHead + kElements + own, "it has gaps");
   EXPECT_SAYS(kHead + kElements + own, "element 2");
 }
 

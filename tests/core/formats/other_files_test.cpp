@@ -29,7 +29,7 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
       {"# Blender\n\no Cube\nv 1 1 1\n", "an OBJ file", "meshio convert FILE surface.stl"},
       {"v 1 1 1\n", "an OBJ file", "meshio convert FILE surface.stl"},
       {"NDIME= 2\n", "an SU2 mesh", "gmsh FILE -save"},
-      {std::string("CDF\x01\0\0", 6), "a NetCDF file", "meshio convert FILE"},
+      {std::string("CDF\x01\0\0", 6), "a NetCDF file", "nccopy -k netCDF-4 FILE"},
       {"24 13 5\n0 1\n", "does not begin with a section", "meshio convert FILE"},
       {"\x1f\x8b\b", "a compressed file", "gunzip FILE"},
   }};

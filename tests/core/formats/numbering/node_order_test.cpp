@@ -54,7 +54,7 @@ TEST(NodeOrders, HaveNamesAndSources) {
     EXPECT_TRUE(names.insert(entry.name).second) << entry.name;
     EXPECT_GT(entry.source.size(), 20U) << entry.name;
   }
-  EXPECT_EQ(names.size(), 6U);
+  EXPECT_EQ(names.size(), 8U);
 }
 
 // Spelled out from MFEM's documentation, not from the table.

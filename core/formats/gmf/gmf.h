@@ -1,0 +1,21 @@
+// Reads GMF's meshes, .mesh and .meshb, which libMeshb, Medit, Mmg, Vizir, Gmsh and others write. Internal to
+// core/formats.
+#pragma once
+
+#include <string_view>
+
+#include "core/base/team.h"
+#include "core/formats/common/format.h"
+
+namespace varimesh::formats {
+
+/// Whether the bytes begin like a text or a binary file of GMF.
+bool begins_like_gmf(std::string_view bytes);
+
+/// Reads vertices and elements of orders 1 to 4, versions 1 to 4, text and binary of either byte order. References of
+/// elements become physical groups with the same tag. Elements of order 2 and above have the order of nodes that the
+/// file's ...Ordering says; without it, lines, triangles up to order 3 and tetrahedra of order 2 have the usual one,
+/// and others are refused. Throws ReadFailure.
+Expected<MeshFile> read_gmf(std::string_view bytes, const Team& team);
+
+}  // namespace varimesh::formats

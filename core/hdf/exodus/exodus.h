@@ -1,0 +1,14 @@
+// Reads Exodus files in HDF5 (netCDF-4), which MOOSE, Cubit, Sierra and others write. Source: "Exodus: A Finite Element
+// Data Model", SAND92-2137, revised.
+#pragma once
+
+#include "core/formats/common/format.h"
+#include "core/hdf/content/source.h"
+
+namespace varimesh::formats {
+
+/// Reads a mesh of orders 1 and 2. Element blocks and side sets become physical groups. Fields and node sets are not
+/// read. Throws ReadFailure.
+MeshFile read_exodus(Hdf5Source& source, FileAllowance& allowance);
+
+}  // namespace varimesh::formats
