@@ -1,16 +1,15 @@
 // varimesh convert: writes a mesh in another format.
-#include <cmath>
 #include <iostream>
 #include <optional>
 #include <span>
 
 #include "client/commands/commands.h"
+#include "client/io/inputs.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
-#include "core/mesh/changes/merge_nodes.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/marks/marks.h"
@@ -22,9 +21,9 @@ namespace {
 constexpr int kAllThreads = 0;
 
 struct Arguments {
-  std::string input, output, format;
+  std::string input, output, flag_output, format;
   bool orient = false;
-  double merge = -1;  // negative: no nodes are merged
+  Repairs repairs;
 };
 
 /// Turns the cells that are numbered clockwise, if the mesh tells which are. Errors: BadInput, as check_structure().
@@ -41,8 +40,19 @@ Expected<void> orient(HighOrderMesh& mesh) {
   return checked;
 }
 
+/// The file to write, which is named by place or by -o. Errors: BadOption.
+Expected<std::string> output_of(const Arguments& arguments) {
+  if (arguments.output.empty() && arguments.flag_output.empty())
+    return bad_option("Name the file to write: varimesh convert IN OUT, or varimesh convert IN -o OUT.");
+  if (!arguments.output.empty() && !arguments.flag_output.empty())
+    return bad_option("OUT and -o both name the file to write; give one of them.");
+  return arguments.output + arguments.flag_output;
+}
+
 int convert(const Arguments& arguments) {
   end_at_first_interrupt();
+  const auto output = output_of(arguments);
+  if (!output) return print_error(output.error());
   formats::Format requested = formats::Format::Auto;
   if (!arguments.format.empty()) {
     const auto found = formats::from_name(arguments.format);
@@ -50,26 +60,17 @@ int convert(const Arguments& arguments) {
     requested = *found;
   }
   // A wrong format and an output that cannot be written are found before the work starts.
-  if (const auto known = formats::for_output(arguments.output, requested, formats::Format::Auto); !known)
+  if (const auto known = formats::for_output(*output, requested, formats::Format::Auto); !known)
     return print_error(known.error());
-  if (const auto writable = formats::check_writable(arguments.output); !writable) return print_error(writable.error());
-  if (std::isnan(arguments.merge))
-    return print_error(bad_option("--merge-nodes takes a distance, 0 or more, not 'nan'.").value());
+  if (const auto writable = formats::check_writable(*output); !writable) return print_error(writable.error());
   auto file = formats::read_file(arguments.input, machine_memory(), kAllThreads);
   if (!file) return print_error(file.error());
   for (const std::string& note : formats::reading_notes(file->mesh)) std::cerr << "varimesh: " << note << "\n";
-  const auto format = formats::for_output(arguments.output, requested, file->format);
+  const auto format = formats::for_output(*output, requested, file->format);
   if (!format) return print_error(format.error());
 
-  if (arguments.merge >= 0) {
-    const std::size_t joined = merge_nodes(file->mesh, arguments.merge);
-    std::cerr << "varimesh: " << joined << (joined == 1 ? " node was" : " nodes were") << " joined to others.\n";
-    if (const auto whole = check_judgeable(file->mesh); joined > 0 && !whole)
-      return print_error(bad_input("With nodes joined, the mesh cannot be used: " + whole.error().sentence +
-                                   " Give --merge-nodes a tolerance well below the shortest edge, and above the "
-                                   "distances of all nodes that belong together.")
-                             .value());
-  }
+  const auto say = [](const std::string& sentence) { std::cerr << "varimesh: " << sentence << "\n"; };
+  if (const auto done = repair(arguments.repairs, *file, say); !done) return print_error(done.error());
   if (arguments.orient)
     if (const auto done = orient(file->mesh); !done) return print_error(done.error());
   // A mesh whose quality cannot be computed is written without marks.
@@ -78,7 +79,7 @@ int convert(const Arguments& arguments) {
     marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, kAllThreads);
   if (const std::string lost = formats::left_out(file->mesh, *format); !lost.empty())
     std::cerr << "varimesh: " << lost << "\n";
-  const auto written = formats::write_file(file->mesh, *format, arguments.output,
+  const auto written = formats::write_file(file->mesh, *format, *output,
                                            marks ? marks->fields() : std::vector<formats::CellField>{}, kAllThreads);
   return written ? kDone : print_error(written.error());
 }
@@ -90,15 +91,11 @@ Action add_convert(Command program) {
   Command command = program.add_command("convert", "Write a mesh in another format");
   command.add("input", &arguments->input, "The mesh file to read").required().value("IN");
   command.add("output", &arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
-      .required()
       .value("OUT");
+  command.add("-o,--output", &arguments->flag_output, "The same as OUT").value("OUT");
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
   command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
-  command
-      .add("--merge-nodes", &arguments->merge,
-           "Join nodes that are at most this far apart, in the mesh's unit of length: of parts that were put together")
-      .value("TOLERANCE")
-      .from(0.0, 1e300);
+  add_repair_flags(command, &arguments->repairs);
   return [arguments] { return convert(*arguments); };
 }
 

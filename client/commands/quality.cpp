@@ -6,6 +6,7 @@
 #include "client/cli/common_flags.h"
 #include "client/commands/commands.h"
 #include "client/io/documents.h"
+#include "client/io/inputs.h"
 #include "client/io/outputs.h"
 #include "client/io/report_page.h"
 #include "client/io/summary.h"
@@ -26,6 +27,7 @@ namespace {
 struct Arguments {
   CommonFlags common;
   std::string input, output, report;
+  Repairs repairs;
   int lattice = 0;
   int threads = 0;
   bool certify = false, diagnose = false;
@@ -92,10 +94,12 @@ int quality(const Arguments& arguments) {
   auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
   if (!file) return print_error(file.error());
   for (const std::string& note : formats::reading_notes(file->mesh)) std::cerr << "varimesh: " << note << "\n";
+  const auto say = [](const std::string& sentence) { std::cerr << "varimesh: " << sentence << "\n"; };
+  if (const auto done = repair(arguments.repairs, *file, say); !done) return print_error(done.error());
   Options options;
   options.threads = arguments.threads;
   const auto mesh = summarise(file->mesh, options);
-  if (!mesh) return print_error(mesh.error());
+  if (!mesh) return print_error(with_fitting_orders(mesh.error(), *file));
   if (!arguments.report.empty() && is_surface(file->mesh))
     return print_error(
         {Error::Kind::BadInput,
@@ -138,6 +142,7 @@ Action add_quality(Command program) {
       .add("-o,--output", &arguments->output,
            "Write the mesh with marks on its elements (.vtu: cell arrays, .msh: a physical group)")
       .value("OUT");
+  add_repair_flags(command, &arguments->repairs);
   add_report_flag(command, &arguments->report);
   add_json_flag(command, &arguments->common);
   return [arguments] { return quality(*arguments); };

@@ -1,6 +1,9 @@
 #include "client/io/inputs.h"
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <iostream>
 
 #include "client/cli/option_flags.h"
 #include "client/library/failures.h"
@@ -9,7 +12,9 @@
 #include "client/process/interrupts.h"
 #include "core/base/utf8.h"
 #include "core/formats/formats.h"
+#include "core/formats/reordering.h"
 #include "core/mesh/changes/displacements.h"
+#include "core/mesh/changes/merge_nodes.h"
 #include "core/mesh/check.h"
 #include "core/slide/slide_on_file.h"
 
@@ -49,9 +54,49 @@ void add_boundary_flags(Command command, Input* input) {
            "First move each boundary node to the position that the node of the same number has in this mesh, which "
            "contains only the boundary")
       .value("MESH");
+  add_repair_flags(command, &input->repairs);
 }
 
+void print_sentence(const std::string& sentence) { std::cerr << "varimesh: " << sentence << std::endl; }
+
 }  // namespace
+
+void add_repair_flags(Command command, Repairs* repairs) {
+  command
+      .add("--node-order", &repairs->node_order,
+           "First put the nodes of elements into Gmsh's order, for an MSH file that has them in that of another "
+           "program: "
+           "gmsh, vtk, cgns, exodus or abaqus")
+      .value("NAME");
+  command
+      .add("--merge-nodes", &repairs->merge,
+           "First join nodes that are at most this far apart, in the mesh's unit of length: of parts that were put "
+           "together")
+      .value("TOLERANCE")
+      .from(0.0, 1e300);
+}
+
+Expected<void> repair(const Repairs& repairs, formats::MeshFile& file,
+                      const std::function<void(const std::string&)>& on_sentence) {
+  if (std::isnan(repairs.merge)) return bad_option("--merge-nodes takes a distance, 0 or more, not 'nan'.");
+  if (!repairs.node_order.empty())
+    if (const auto taken = formats::take_node_order(file.mesh, file.format, repairs.node_order); !taken) return taken;
+  if (repairs.merge < 0) return {};
+  const std::size_t joined = merge_nodes(file.mesh, repairs.merge);
+  on_sentence(std::to_string(joined) + (joined == 1 ? " node was" : " nodes were") + " joined to others.");
+  if (const auto whole = check_judgeable(file.mesh); joined > 0 && !whole)
+    return bad_input(
+        "With nodes joined, the mesh cannot be used: " + whole.error().sentence +
+        " Give --merge-nodes a tolerance well below the shortest edge, and above the distances of all nodes "
+        "that belong together.");
+  return {};
+}
+
+Error with_fitting_orders(Error error, const formats::MeshFile& file) {
+  if (const std::string fitting = formats::fitting_node_orders(file.mesh, file.format); !fitting.empty())
+    error.sentence += " " + fitting;
+  return error;
+}
 
 void add_input(Command command, Input* input) {
   command.add("input", &input->mesh, "The mesh file to read").required().value("IN");
@@ -128,6 +173,8 @@ Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* i
 Outcome<formats::MeshFile> read_moved(const Input& input) {
   auto file = formats::read_file(input.mesh);
   if (!file) return refusal("BAD_INPUT", file.error().sentence);
+  if (const auto done = repair(input.repairs, *file, print_sentence); !done)
+    return refusal(done.error().kind == Error::Kind::BadOption ? "BAD_OPTION" : "BAD_INPUT", done.error().sentence);
   if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
   return std::move(*file);
 }
@@ -159,14 +206,18 @@ Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::op
   if (on_read) on_read();
   auto curved = InputFile::temporary(input.mesh);
   if (!curved) return tl::unexpected(curved.error());
-  const auto written =
-      formats::write(moved->mesh, moved->format, [&](std::string_view bytes) { return curved->append(bytes); });
+  // What can only be read is sent as MSH.
+  const auto format = formats::for_output("mesh.msh", formats::Format::Auto, moved->format);
+  const bool is_written = std::ranges::any_of(
+      formats::all(), [&](const auto& info) { return info.format == moved->format && info.writable; });
+  const auto written = formats::write(moved->mesh, is_written ? moved->format : *format,
+                                      [&](std::string_view bytes) { return curved->append(bytes); });
   if (!written) return file_failure(written.error().sentence);
   return client.upload(*curved);
 }
 
 Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read) {
-  if (input.displacements.empty() && input.boundary.empty()) return upload(client, input, std::nullopt, on_read);
+  if (!input.changes_mesh()) return upload(client, input, std::nullopt, on_read);
   auto moved = read_moved(input);
   if (!moved) return tl::unexpected(moved.error());
   return upload(client, input, std::optional(std::move(*moved)), on_read);

@@ -14,19 +14,41 @@
 
 namespace varimesh::client {
 
+/// What is put right in a mesh after it has been read: flags of every command that reads one.
+struct Repairs {
+  std::string node_order;  ///< The program in whose order the nodes of elements are; empty: Gmsh's.
+  double merge = -1;       ///< Nodes that are at most this far apart are joined; negative: none.
+
+  bool any() const { return !node_order.empty() || !(merge < 0); }
+};
+
+/// Adds --node-order and --merge-nodes.
+void add_repair_flags(Command command, Repairs* repairs);
+
+/// Puts the mesh right. `on_sentence` gets what this came to. Errors: BadOption; BadInput if the mesh with joined nodes
+/// cannot be used.
+Expected<void> repair(const Repairs& repairs, formats::MeshFile& file,
+                      const std::function<void(const std::string&)>& on_sentence);
+
+/// Adds to the error of a mesh in which elements do not fit together in which order of nodes they do, if there is one.
+Error with_fitting_orders(Error error, const formats::MeshFile& file);
+
 /// Paths of the files that make up an input.
 struct Input {
   std::string mesh;
+  Repairs repairs;
   std::string displacements;  ///< A file of displacements of boundary nodes; empty: none.
   std::string boundary;       ///< A mesh file with only the curved boundary; empty: none.
   std::string model;          ///< A CAD file on which boundary nodes slide; empty: none.
   v1::Geometry geometry;      ///< How boundary nodes slide, without the digest of the CAD file.
 
+  /// Whether the mesh that is sent is another than the file.
+  bool changes_mesh() const { return repairs.any() || !displacements.empty() || !boundary.empty(); }
   /// Whether boundary nodes are to slide, or the mesh is to be curved.
   bool slides() const { return !model.empty() || geometry.slide_on() == v1::Geometry::SLIDE_ON_BOUNDARY; }
 };
 
-/// Adds the positional argument IN, and the flags --displacements and --boundary.
+/// Adds the positional argument IN, and the flags --displacements, --boundary and those of Repairs.
 void add_input(Command command, Input* input);
 /// The same for several meshes, whose paths go to `meshes`; `input` gets the rest.
 void add_inputs(Command command, std::vector<std::string>* meshes, Input* input);
@@ -47,7 +69,7 @@ Expected<void> check_geometry(const Input& input, const v1::Options& options);
 /// and returns what goes into JobSpec.geometry. Nothing if no nodes are to slide, or if the server takes no CAD models.
 Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input);
 
-/// Reads the mesh of the input, and moves its boundary as the other files say.
+/// Reads the mesh of the input, puts it right, and moves its boundary as the other files say.
 Outcome<formats::MeshFile> read_moved(const Input& input);
 
 /// Slides the nodes of the mesh in this process; `on_sentence` gets what this came to. For what has no job: surfaces in

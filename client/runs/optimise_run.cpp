@@ -16,6 +16,7 @@
 #include "client/process/interrupts.h"
 #include "client/runs/failed_surfaces.h"
 #include "client/surfaces/deliver_surface.h"
+#include "core/formats/reordering.h"
 #include "core/mesh/check.h"
 
 namespace varimesh::client {
@@ -80,6 +81,15 @@ int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Jo
   return kInvalidLeft;
 }
 
+/// Says in which order of nodes the elements of a mesh fit together, if that is why it was refused.
+void say_fitting_orders(const OptimiseArguments& arguments, const v1::Job& ended) {
+  std::error_code failed;
+  if (ended.error().reason() != "BAD_INPUT" || !std::filesystem::is_regular_file(arguments.input.mesh, failed)) return;
+  const auto file = read_moved(arguments.input);
+  const std::string fitting = file ? formats::fitting_node_orders(file->mesh, file->format) : "";
+  if (!fitting.empty()) std::cerr << "varimesh: " << fitting << std::endl;
+}
+
 /// The connection of a run: to the service in this process if the server does not take the run's CAD model.
 tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
   auto connection = connect(arguments.common);
@@ -117,7 +127,8 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
       return deliver_surface(arguments.common, asks_for_job, *outputs, *file, arguments.options.threads());
     }
     std::error_code failed;
-    if (!std::filesystem::is_regular_file(sent.mesh, failed)) moved = std::move(*file);  // a pipe has been read
+    if (sent.changes_mesh() || !std::filesystem::is_regular_file(sent.mesh, failed))
+      moved = std::move(*file);  // it is not read again: a pipe has been read to its end
   }
   v1::JobSpec spec = spec_of(arguments, *outputs);
   auto geometry = hand_over_geometry(*client, &sent);
@@ -130,7 +141,9 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   const auto ended = run_job(client, arguments, spec);
   if (!ended) return ended.error();
   *geometry_report = ended->metrics().geometry();
-  return deliver_run(client, arguments, *ended, *outputs);
+  const int status = deliver_run(client, arguments, *ended, *outputs);
+  if (ended->has_error()) say_fitting_orders(arguments, *ended);
+  return status;
 }
 
 }  // namespace

@@ -63,6 +63,56 @@ class Convert(WithFolder):
         self.assertIn("2 3 2 1 1 2 6 7 3", out.read_text())
         self.assertEqual(run("quality", out).stderr, "")
 
+    def test_the_output_is_named_by_place_or_by_o(self):
+        plain, by_flag = (self.folder / name for name in ("plain.msh", "flag.msh"))
+        square = self.folder / "square.msh"
+        square.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n$EndNodes\n"
+                          "$Elements\n1\n1 3 2 1 1 1 2 3 4\n$EndElements\n")  # fmt: skip
+        self.assertEqual(run("convert", square, plain).returncode, 0)
+        self.assertEqual(run("convert", square, "-o", by_flag).returncode, 0)
+        self.assertEqual(plain.read_bytes(), by_flag.read_bytes())
+        self.assertIn("varimesh convert IN -o OUT", run("convert", square).stderr)
+        self.assertIn("give one of them", run("convert", square, plain, "-o", by_flag).stderr)
+
+    def test_nodes_in_the_order_of_another_program(self):
+        words = {"msh": "0 1 2 3 4 5 6 7 01 03 04 12 15 23 26 37 45 47 56 67 0123 0145 0347 1256 2367 4567 01234567",
+                 "exodus": "0 1 2 3 4 5 6 7 01 12 23 30 04 15 26 37 45 56 67 74 01234567 0123 4567 0347 1256 0145 2367"}
+        corners = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+
+        def mesh(order):
+            number, elements = {}, []
+            for shift in (0, 2):
+                nodes = []
+                for word in words[order].split():
+                    at = [sum(corners[int(v)][k] for v in word) // len(word) for k in range(3)]
+                    nodes.append(number.setdefault((at[0] + shift, at[1], at[2]), len(number) + 1))
+                elements.append(f"{shift // 2 + 1} 12 2 1 1 " + " ".join(map(str, nodes)))
+            nodes = "\n".join(f"{n} {x} {y} {z}" for (x, y, z), n in number.items())
+            return (f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{len(number)}\n{nodes}\n$EndNodes\n$Elements\n2\n" +
+                    "\n".join(elements) + "\n$EndElements\n")
+
+        right, wrong, out = (self.folder / name for name in ("right.msh", "wrong.msh", "out.msh"))
+        right.write_text(mesh("msh"))
+        wrong.write_text(mesh("exodus"))
+        self.assertIn("certified valid                    2", run("quality", right).stdout)
+        hint = "The elements fit together if their nodes are in the order of exodus; give --node-order exodus."
+        self.assertIn(hint, run("quality", wrong).stderr)
+        self.assertIn(hint, run("optimise", wrong, "-o", out).stderr)
+        self.assertIn("certified valid                    2", run("quality", wrong, "--node-order", "exodus").stdout)
+        self.assertEqual(run("optimise", wrong, "-o", out, "--node-order", "exodus", "--quiet").returncode, 0)
+        self.assertIn("certified valid                    2", run("quality", out).stdout)
+        self.assertIn("There is no order of nodes 'x'", run("quality", wrong, "--node-order", "x").stderr)
+
+    def test_nodes_are_joined_before_an_optimisation(self):
+        apart, out = self.folder / "apart.msh", self.folder / "out.msh"
+        apart.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 1 0 0\n"
+                         "6 2 0 0\n7 2 1 0\n8 1 1 0\n$EndNodes\n$Elements\n2\n1 3 2 1 1 1 2 3 4\n2 3 2 1 1 5 6 7 8\n"
+                         "$EndElements\n")  # fmt: skip
+        done = run("optimise", apart, "-o", out, "--merge-nodes", "1e-9")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("2 nodes were joined to others.", done.stderr)
+        self.assertEqual(run("quality", out).stderr, "")
+
     def test_serendipity_elements_come_back_as_they_were(self):
         eight, out, mfem = (self.folder / name for name in ("eight.msh", "out.msh", "out.mesh"))
         eight.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0.5 -0.125 0\n"
