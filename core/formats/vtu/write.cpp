@@ -10,6 +10,7 @@
 #include <cstring>
 #include <limits>
 #include <set>
+#include <unordered_map>
 #include <utility>
 
 #include "core/base/io/buffered_output.h"
@@ -19,6 +20,7 @@
 #include "core/formats/vtu/written_arrays.h"
 #include "core/formats/xml/xml.h"
 #include "core/mesh/changes/serendipity_elements.h"
+#include "core/mesh/changes/shared_nodes.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 
@@ -54,6 +56,45 @@ Eigen::MatrixXd added_points(int order) {
 // Whether the file has points for the cells of the block that the mesh has not.
 bool adds_points(const ElementBlock& block) {
   return block.shape == Shape::Pyramid && block.order > 1 && !is_serendipity(block);
+}
+
+/// For each element of the boundary, a cell with the same side; −1 if there is none. Viewers draw both in the same
+/// place, so that the elements take the values of these cells.
+std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh) {
+  using detail::Vertices;
+  std::vector<bool> on_boundary(mesh.node_count(), false);
+  std::unordered_map<Vertices, std::int64_t, detail::HashVertices> cells;
+  const auto sorted = [](Vertices vertices) {
+    std::sort(vertices.begin(), vertices.end());
+    return vertices;
+  };
+  const auto own_vertices = [&](const ElementBlock& block, std::size_t e) {
+    Vertices vertices{-1, -1, -1, -1};
+    std::copy_n(block.nodes.data() + e * nodes_per_element(block), reference::info(block.shape).vertices,
+                vertices.begin());
+    return vertices;
+  };
+  for (const ElementBlock* block : blocks_of(mesh, mesh.dimension - 1))
+    for (std::size_t e = 0; e < block->size(); ++e) {
+      const Vertices vertices = own_vertices(*block, e);
+      for (const std::int32_t node : vertices)
+        if (node >= 0) on_boundary[std::size_t(node)] = true;
+      cells.emplace(sorted(vertices), -1);
+    }
+  std::int64_t cell = 0;
+  for (const ElementBlock* block : blocks_of(mesh, mesh.dimension))
+    for (std::size_t e = 0; e < block->size(); ++e, ++cell)
+      for (const reference::Facet& side : reference::info(block->shape).facets) {
+        const Vertices vertices = detail::face_vertices(side, block->nodes.data() + e * nodes_per_element(*block));
+        if (std::ranges::any_of(vertices, [&](auto node) { return node >= 0 && !on_boundary[std::size_t(node)]; }))
+          continue;
+        const auto found = cells.find(sorted(vertices));
+        if (found != cells.end() && found->second < 0) found->second = cell;
+      }
+  std::vector<std::int64_t> of_elements;
+  for (const ElementBlock* block : blocks_of(mesh, mesh.dimension - 1))
+    for (std::size_t e = 0; e < block->size(); ++e) of_elements.push_back(cells.at(sorted(own_vertices(*block, e))));
+  return of_elements;
 }
 
 // VTK's cells of pyramids from this order on do not have all of the pyramid's nodes.
@@ -144,11 +185,12 @@ Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const T
   for (const char* name : {"physical", "gmsh:physical", "gmsh:geometrical", "dimension"})
     cell_data.push_back(make(name, "Int32"));
   for_blocks([&](const ElementBlock& block) { add_block(block); });
+  const auto of_boundary = fields.empty() ? std::vector<std::int64_t>() : cells_of_boundary(mesh);
   for (const CellField& field : fields) {
     cell_data.push_back(make(field.name.c_str(), "Float64"));
     for (double value : field.values) cell_data.back().put(value);
-    for (std::size_t face = field.values.size(); face < cells; ++face)
-      cell_data.back().put(std::numeric_limits<double>::quiet_NaN());
+    for (const std::int64_t cell : of_boundary)
+      cell_data.back().put(cell < 0 ? std::numeric_limits<double>::quiet_NaN() : field.values[std::size_t(cell)]);
   }
   add_groups();
   list_pyramids();
@@ -344,7 +386,9 @@ Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, st
   out.text("      </Points>\n      <Cells>\n");
   declare(out, grid.connectivity, offset);
   for (const CompressedArray& array : grid.topology) declare(out, array, offset);
-  out.text("      </Cells>\n      <CellData>\n");
+  // Viewers colour cells by the active scalars when they open the file.
+  const std::string active = fields.empty() ? "" : " Scalars=\"" + escaped_xml(fields.front().name) + "\"";
+  out.text("      </Cells>\n      <CellData" + active + ">\n");
   for (const CompressedArray& array : grid.cell_data) declare(out, array, offset);
   out.text("      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_");
   grid.write(out);

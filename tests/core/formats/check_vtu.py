@@ -1,11 +1,13 @@
 #!/usr/bin/python3
-"""check_vtu.py map FOLDER | outward FOLDER | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
+"""check_vtu.py map FOLDER | outward FOLDER | boundary FILE | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
 runs it.
 
 map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK evaluates
 its cell at inner points and must find the map's values, the cell's numbers and its fields.
 outward: each file SHAPE_ORDER.vtu holds one reference cell. VTK's volume, computed from tetrahedra and from the surface, must
 be its own with the sign, and each of VTK's faces must point outwards. In 2-D the same goes for the area and the normal.
+boundary: the file's only field has the number of each cell from 0. It is active, and each face has the value of a cell that has all
+its points.
 measure: the cells' areas or volumes must add up to MEASURE within 1.5 %, since VTK measures linear pieces.
 """
 import glob
@@ -105,6 +107,19 @@ def check_outward(path):
     assert abs(enclosed - measures[shape]) < 1e-6 * measures[shape], "%s: the surface encloses %g" % (path, enclosed)
 
 
+def check_boundary(path):
+    grid = read(path)
+    data = grid.GetCellData()
+    assert data.GetScalars() is not None and data.GetScalars().GetName() == "number", path
+    dimensions, values = vtk_to_numpy(data.GetArray("dimension")), vtk_to_numpy(data.GetScalars())
+    points = [set(grid.GetCell(i).GetPointId(k) for k in range(grid.GetCell(i).GetNumberOfPoints()))
+              for i in range(grid.GetNumberOfCells())]  # fmt: skip
+    faces = np.flatnonzero(dimensions < dimensions.max())
+    assert len(faces) > 0, path
+    for face in faces:
+        assert points[face] <= points[int(values[face])], "%s: face %d has the value %g" % (path, face, values[face])
+
+
 def check_measure(path, measure, cells):
     grid = read(path)
     dimensions = vtk_to_numpy(grid.GetCellData().GetArray("dimension"))
@@ -123,5 +138,7 @@ if sys.argv[1] in ("map", "outward"):
     assert files
     for file in files:
         (check_map if sys.argv[1] == "map" else check_outward)(file)
+elif sys.argv[1] == "boundary":
+    check_boundary(sys.argv[2])
 else:
     check_measure(sys.argv[2], float(sys.argv[3]), int(sys.argv[4]))

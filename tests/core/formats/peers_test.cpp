@@ -71,6 +71,23 @@ TEST(Vtu, VtkFindsPositiveVolumesAndOutwardFaces) {
   EXPECT_EQ(run_script("check_vtu.py", "outward '" + folder.path() + "'"), 0);
 }
 
+// Faces without values would show as speckles where they lie on cells that have one.
+TEST(Vtu, BoundaryFacesHaveTheValuesOfTheirCells) {
+  if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  const test::Folder folder;
+  for (const testing::Filling filling : {testing::Filling::MixedPlane, testing::Filling::MixedSolid})
+    for (const int order : {1, 3}) {
+      const HighOrderMesh mesh = testing::grid(filling, {3, 2, 2}, order);
+      ASSERT_GT(mesh.element_count(mesh.dimension - 1), 0U);
+      std::vector<double> values(mesh.element_count(mesh.dimension));
+      for (std::size_t i = 0; i < values.size(); ++i) values[i] = double(i);
+      const formats::CellField field{"number", values};
+      const std::string file = folder.file("grid.vtu");
+      ASSERT_TRUE(formats::write_file(mesh, Format::Vtu, file, {&field, 1}));
+      EXPECT_EQ(run_script("check_vtu.py", "boundary '" + file + "'"), 0) << testing::name(filling);
+    }
+}
+
 TEST(Vtu, VtkMeasuresTheWholeMesh) {
   if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
   const test::Folder folder;
