@@ -20,7 +20,7 @@ def optimise_mesh():
 
         with varimesh.Client(SERVER) as client:
             job = client.submit(params["mesh"], outputs=["msh41-binary"], request_id=f"airflow-{run_id}"[:128],
-                                labels={"airflow": run_id}, energy="hyperelastic")
+                                labels={"airflow": run_id})
             return job.name
 
     @task.sensor(poke_interval=30, mode="reschedule")

@@ -20,8 +20,8 @@ inputs:
     doc: A repetition with the same id joins the same job
     inputBinding: {prefix: --request-id}
   energy:
-    type: string
-    default: hyperelastic
+    type: string?
+    doc: Without it the objective is accuracy, the default; an energy is an objective of its own
     inputBinding: {prefix: --energy}
   name:
     type: string

@@ -22,7 +22,7 @@ def optimise_many_meshes():
 
         with varimesh.Client(SERVER) as client:
             return [client.submit(mesh, outputs=["msh41-binary"], request_id=f"airflow-{run_id}-{mesh.name}"[-128:],
-                                  labels={"airflow": run_id}, energy="hyperelastic").name
+                                  labels={"airflow": run_id}).name
                     for mesh in sorted(Path(params["meshes"]).glob("*.msh"))]
 
     @task.sensor(poke_interval=30, mode="reschedule")

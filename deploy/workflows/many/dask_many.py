@@ -19,8 +19,7 @@ def optimise(server: str, mesh: str, into: str) -> tuple[str, bool, float]:
     source = Path(mesh)
     request_id = "dask-" + hashlib.sha256(source.read_bytes() + source.name.encode()).hexdigest()
     with varimesh.Client(server) as client:
-        result = client.optimise(source, Path(into) / source.name, arrays=False, request_id=request_id,
-                                 energy="hyperelastic")  # fmt: skip
+        result = client.optimise(source, Path(into) / source.name, arrays=False, request_id=request_id)
         return source.name, result.valid, result.after.min_scaled_jacobian
 
 

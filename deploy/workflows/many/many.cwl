@@ -14,8 +14,7 @@ inputs:
     type: string?
     doc: HOST:PORT or unix:PATH; without it this machine does the work
   energy:
-    type: string
-    default: hyperelastic
+    type: string?
 steps:
   optimise:
     run: ../optimise.cwl
