@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 
 #include "client/cli/command_facts.h"
 #include "client/cli/names.h"
@@ -13,6 +15,13 @@
 
 namespace varimesh::client {
 namespace {
+
+/// The commands with so many flags that nobody reads all of them at first, and the flags that most people need.
+constexpr std::array<std::string_view, 3> kBriefCommands = {"optimise", "curve", "submit"};
+constexpr std::array<std::string_view, 20> kCommonFlags = {
+    "--help",  "--help-all",   "--output",      "--report",   "--output-format", "--label",     "--server",
+    "--json",  "--quiet",      "--geometry",    "--slide-on", "--layers",        "--objective", "--until",
+    "--order", "--time-limit", "--merge-nodes", "--threads",  "--fix",           "--priority"};
 
 constexpr std::size_t kMeaningColumn = 26;  ///< Where the meanings of terms begin.
 
@@ -83,11 +92,23 @@ std::string usage(const CommandFacts& facts, bool has_commands) {
   return line + "\n";
 }
 
-/// The positional arguments, and the flags under the headings of their groups.
-std::string arguments_and_flags(const CommandFacts& facts, std::size_t width) {
+bool is_common(const FlagFacts& flag) {
+  return flag.argument || flag.required || std::ranges::any_of(flag.names, [](const std::string& name) {
+           return std::ranges::find(kCommonFlags, name) != kCommonFlags.end();
+         });
+}
+
+/// The positional arguments, and the flags under the headings of their groups. `all`: also those that few need;
+/// otherwise a last line says where they are.
+std::string arguments_and_flags(const CommandFacts& facts, std::size_t width, bool all) {
   std::string arguments;
+  std::size_t more = 0;
   std::vector<std::pair<std::string, std::string>> groups;
   for (const FlagFacts& flag : facts.flags) {
+    if (!all && !is_common(flag)) {
+      ++more;
+      continue;
+    }
     if (flag.argument) {
       arguments += entry(flag, width);
       continue;
@@ -98,10 +119,15 @@ std::string arguments_and_flags(const CommandFacts& facts, std::size_t width) {
   }
   std::string out = arguments.empty() ? "" : "\nArguments:\n" + arguments;
   for (const auto& [name, entries] : groups) out += fmt::format("\n{}:\n{}", name, entries);
+  if (more > 0) out += fmt::format("\n{} more options: varimesh {} --help-all\n", more, facts.name);
   return out;
 }
 
 }  // namespace
+
+bool has_brief_help(const std::string& command) {
+  return std::ranges::find(kBriefCommands, command) != kBriefCommands.end();
+}
 
 std::string unknown_word(const CLI::App& program, const std::vector<std::string>& words) {
   if (words.empty()) return "";
@@ -124,12 +150,13 @@ std::string unknown_word(const CLI::App& program, const std::vector<std::string>
     const std::string flag = word.substr(0, word.find('='));
     if (std::find(flags.begin(), flags.end(), flag) == flags.end())
       return with_suggestion("there is no option '" + flag + "'", nearest_word(flag, flags),
-                             "varimesh " + (command == nullptr ? "" : command->name + " ") + "--help");
+                             "varimesh " + (command == nullptr ? "" : command->name + " ") +
+                                 (command != nullptr && has_brief_help(command->name) ? "--help-all" : "--help"));
   }
   return "";
 }
 
-std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormatMode) const {
+std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormatMode mode) const {
   const std::size_t width = width_ > 0 ? static_cast<std::size_t>(width_) : terminal_width();
   const CommandFacts facts = facts_of(*command);
   const auto commands = subcommand_facts(*command);
@@ -139,7 +166,7 @@ std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormat
   out += "\nUsage: " + usage(facts, !commands.empty());
   if (!commands.empty()) out += "\nCommands:\n";
   for (const CommandFacts& one : commands) out += entry(one.name, one.purpose, width);
-  out += arguments_and_flags(facts, width);
+  out += arguments_and_flags(facts, width, mode == CLI::AppFormatMode::All || !has_brief_help(facts.name));
   if (!commands.empty()) {
     out += "\nExit status:\n";
     for (const ExitStatusMeaning& one : exit_statuses())

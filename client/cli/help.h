@@ -7,6 +7,9 @@
 
 namespace varimesh::client {
 
+/// Whether --help of this command shows only the flags that most people need, and --help-all shows all.
+bool has_brief_help(const std::string& command);
+
 /// Formats the help of the program and of its commands, examples first. Install it before commands are added.
 class Help : public CLI::FormatterBase {
  public:

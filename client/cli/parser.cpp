@@ -27,7 +27,9 @@ int refuse(const CLI::App& app, const CLI::ParseError& error, const std::vector<
   const std::string unknown = unknown_word(app, words);
   const auto used = app.get_subcommands();
   std::cerr << "varimesh: " << (unknown.empty() ? refusal_text(app, error) : unknown) << "\nvarimesh "
-            << (used.empty() ? "" : used.front()->get_name() + " ") << "--help shows examples and all options."
+            << (used.empty() ? "" : used.front()->get_name() + " ") << "--help shows examples"
+            << (!used.empty() && has_brief_help(used.front()->get_name()) ? ", and --help-all all options."
+                                                                          : " and all options.")
             << std::endl;
   return kUsage;
 }
@@ -124,7 +126,9 @@ void Command::describe(const std::string& name, const std::string& purpose, cons
 }
 
 Command Command::add_command(const std::string& name, const std::string& purpose) {
-  return *app_->add_subcommand(name, purpose);
+  CLI::App& command = *app_->add_subcommand(name, purpose);
+  if (has_brief_help(name)) command.set_help_all_flag("--help-all", "Print the help with all options and exit");
+  return command;
 }
 
 void Command::alias(const std::string& name) { app_->alias(name); }

@@ -52,12 +52,33 @@ TEST(Help, BeginsWithExamplesAndIsWrapped) {
 TEST(Help, ListsAllOptionsOfTheTable) {
   CLI::App app;
   const auto commands = add_commands(app);
-  const std::string help = Help(100).make_help(app.get_subcommand("optimise"), "", CLI::AppFormatMode::Normal);
+  const std::string help = Help(100).make_help(app.get_subcommand("optimise"), "", CLI::AppFormatMode::All);
   for (const OptionInfo& option : option_table()) {
     const std::string flag = "\n  --" + dashed(std::string(option.name));
     const std::string end = option.opposite.empty() ? " " : ", --" + dashed(std::string(option.opposite)) + "\n";
     EXPECT_NE(help.find(flag + end), std::string::npos) << option.name;
   }
+}
+
+TEST(Help, ShowsFewFlagsAtFirstAndSaysWhereTheOthersAre) {
+  CLI::App app;
+  const auto commands = add_commands(app);
+  const auto flags = [](const std::string& help) {
+    std::size_t count = 0;
+    for (std::size_t at = help.find("\n  -"); at != std::string::npos; at = help.find("\n  -", at + 1)) ++count;
+    return count;
+  };
+  for (const std::string name : {"optimise", "curve", "submit"}) {
+    const CLI::App* command = app.get_subcommand(name);
+    const std::string few = Help(80).make_help(command, "", CLI::AppFormatMode::Normal),
+                      all = Help(80).make_help(command, "", CLI::AppFormatMode::All);
+    EXPECT_LE(flags(few), 20U) << name;
+    EXPECT_NE(few.find(std::to_string(flags(all) - flags(few)) + " more options: varimesh " + name + " --help-all\n"),
+              std::string::npos)
+        << few;
+  }
+  EXPECT_EQ(Help(80).make_help(app.get_subcommand("jobs"), "", CLI::AppFormatMode::Normal).find("--help-all"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@ import subprocess
 from programs import run
 
 COMMANDS = re.findall(r"^  ([a-z]+) ", run("--help").stdout.split("\nCommands:\n")[1].split("\n\n")[0], re.MULTILINE)
-OPTIONS = re.findall(r"^  (--[a-z-]+)", run("optimise", "--help").stdout.split("\nOptimisation:\n")[1], re.MULTILINE)
+OPTIONS = re.findall(r"^  (--[a-z-]+)", run("optimise", "--help-all").stdout.split("\nOptimisation:\n")[1], re.MULTILINE)
 
 
 def shell(name, *arguments):
