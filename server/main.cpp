@@ -15,6 +15,7 @@
 //   varimeshd --state state --store postgresql://… --meshes /shared --role worker     runs jobs, beside other servers
 #include <fcntl.h>
 #include <spdlog/spdlog.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -236,6 +237,8 @@ int wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Other programs of this user can neither trace this process nor read its memory and environment, which have secrets.
+  prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
   varimesh::return_large_blocks();
   if (const auto status = varimesh::server::run_command(argc, argv)) return *status;
   int exit_status = 0;

@@ -8,6 +8,7 @@
 #include <ucontext.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -166,7 +167,10 @@ void begin_confinement() {
 bool confine_this_process(const Confinement& keeps) {
   constexpr rlim_t kSecondsToEnd = 5;
   if (keeps.processor_seconds > 0) limit(RLIMIT_CPU, static_cast<rlim_t>(keeps.processor_seconds), kSecondsToEnd);
-  if (keeps.memory > 0) limit(RLIMIT_AS, static_cast<rlim_t>(keeps.memory));
+  if (rlimit now{}; keeps.memory > 0 && getrlimit(RLIMIT_AS, &now) == 0) {
+    const rlim_t most = std::min(static_cast<rlim_t>(keeps.memory), now.rlim_max);
+    limit(RLIMIT_AS, most, keeps.memory_can_be_raised ? now.rlim_max - most : 0);
+  }
   limit(RLIMIT_FSIZE, static_cast<rlim_t>(keeps.file_bytes));
   // The next descriptor would be the lowest free number, which must be below the limit.
   if (const int next = ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0); next >= 0) {

@@ -14,6 +14,7 @@ void begin_confinement();
 struct Confinement {
   std::int64_t processor_seconds = 0;  ///< 0: no limit. Then comes SIGXCPU, which names it, and soon SIGKILL.
   std::int64_t memory = 0;             ///< Most address space, in bytes. 0: no limit.
+  bool memory_can_be_raised = false;   ///< By whoever started this process, later.
   std::int64_t file_bytes = 0;         ///< The most bytes of a file that is open for writing.
   int more_descriptors = 0;            ///< How many may be opened beside those that are open.
   bool threads = false;                ///< Whether threads may be started.

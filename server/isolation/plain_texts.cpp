@@ -1,5 +1,6 @@
 #include "server/isolation/plain_texts.h"
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,11 @@ void make_plain(Message& message) {
       make_plain(*reflection.MutableMessage(&message, field));
     }
   }
+}
+
+Error plain_error(const worker::Failure& failure) {
+  const int most = static_cast<int>(Error::Kind::Internal);
+  return {static_cast<Error::Kind>(std::clamp(failure.kind(), 0, most)), as_plain_text(failure.sentence())};
 }
 
 }  // namespace varimesh::server

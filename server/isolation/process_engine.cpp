@@ -16,17 +16,18 @@
 
 #include "core/base/utf8.h"
 #include "core/formats/formats.h"
-#include "core/formats/hdf5/starter.h"
 #include "core/geometry/load.h"
 #include "core/process/helper_program.h"
 #include "core/threads/crew.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
+#include "server/isolation/hdf5_programs.h"
 #include "server/isolation/loan.h"
 #include "server/isolation/plain_texts.h"
 #include "server/isolation/reported_work.h"
 #include "server/isolation/said.h"
+#include "server/isolation/thread_watch.h"
 #include "server/isolation/worker.pb.h"
 #include "server/isolation/worker_process.h"
 
@@ -45,25 +46,27 @@ constexpr std::int64_t kBytesPerThread = std::int64_t{144} << 20;
 /// How much longer it may take if there is a CAD file to read.
 constexpr double kSecondsForGeometry = 600;
 constexpr int kMostNotes = 100;
-constexpr int kMostHdf5Starts = 32;
 
 /// One run in a process.
 class Conversation {
  public:
-  Conversation(const ProcessEngineSettings& settings, Workers& workers, RunRequest request, const RunHooks& hooks)
+  Conversation(const ProcessEngineSettings& settings, Workers& workers, ThreadWatch& watch, RunRequest request,
+               const RunHooks& hooks)
       : settings_(settings),
         workers_(workers),
+        watch_(watch),
         request_(std::move(request)),
         hooks_(hooks),
         mesh_bytes_(static_cast<std::int64_t>(request_.input->bytes().size())),
         checkpoint_bytes_(static_cast<std::int64_t>(hooks.control.checkpoint.size())),
         process_(workers.take()),
-        said_(std::max(1, static_cast<int>(request_.outputs.size()))) {
-    settings_.started(static_cast<int>(process_->id()));
+        id_(process_->id()),
+        said_(std::max(1, static_cast<int>(request_.outputs.size()))),
+        hdf5_(watch) {
+    settings_.started(static_cast<int>(id_));
+    watch_.add(id_, most_threads());
   }
-  ~Conversation() {
-    for (const pid_t program : hdf5_) end_helper(program, true);
-  }
+  ~Conversation() { watch_.forget(id_); }
   Conversation(const Conversation&) = delete;
   Conversation& operator=(const Conversation&) = delete;
 
@@ -123,6 +126,10 @@ class Conversation {
   /// A process that has ended hears nothing, but what it said before counts: the outcome may be among that.
   void send(const worker::ToWorker& message, int file = -1) {
     if (process_->channel().send(message, file) || process_->channel().is_closed()) return;
+    fail_ended();
+  }
+  [[noreturn]] void fail_ended() {
+    if (watch_.has_killed(id_)) throw ProcessLost{"started more threads than it may"};
     process_->fail_ended();
   }
 
@@ -170,7 +177,7 @@ class Conversation {
         case Channel::Got::Nothing:
           break;
         case Channel::Got::End:
-          process_->fail_ended();
+          fail_ended();
         case Channel::Got::Breach:
           throw ProcessLost{"sent what is no message"};
       }
@@ -216,7 +223,7 @@ class Conversation {
         history_.MergeFrom(message.history());
         return;
       case worker::FromWorker::kFailure:
-        outcome_ = tl::unexpected(error_from(message.failure()));
+        outcome_ = tl::unexpected(plain_error(message.failure()));
         return;
       case worker::FromWorker::kEnded:
         return end(message.ended());
@@ -238,11 +245,6 @@ class Conversation {
   void tell_trial(v1::SlideTrial trial) {
     make_plain(trial);
     if (hooks_.on_slide_trial && notes_++ < kMostNotes) hooks_.on_slide_trial(trial);
-  }
-
-  static Error error_from(const worker::Failure& failure) {
-    const int most = static_cast<int>(Error::Kind::Internal);
-    return {static_cast<Error::Kind>(std::clamp(failure.kind(), 0, most)), as_plain_text(failure.sentence())};
   }
 
   void end(const worker::Ended& ended) {
@@ -336,11 +338,7 @@ class Conversation {
   }
 
   void start_hdf5(const worker::StartHdf5& start) {
-    formats::Hdf5Program program;
-    program.error = EPERM;
-    if (hdf5_.size() < kMostHdf5Starts)
-      program = formats::start_hdf5({start.writes(), start.seconds(), start.memory()});
-    if (program.id > 0) hdf5_.push_back(program.id);
+    const auto program = hdf5_.start({start.writes(), start.seconds(), start.memory()}, most_threads());
     worker::ToWorker message;
     message.mutable_answer()->set_error(program.error);
     answer(std::move(message), program.socket);
@@ -349,10 +347,12 @@ class Conversation {
 
   const ProcessEngineSettings& settings_;
   Workers& workers_;
+  ThreadWatch& watch_;
   RunRequest request_;
   const RunHooks& hooks_;
   const std::int64_t mesh_bytes_, checkpoint_bytes_;
   std::unique_ptr<WorkerProcess> process_;
+  const pid_t id_;
   Said said_;
   worker::FromWorker message_;
   std::int64_t address_space_ = 0;  ///< Of the process before it reads the mesh, in bytes, with the mesh.
@@ -362,7 +362,7 @@ class Conversation {
   bool full_ = false;
   int notes_ = 0;
   v1::History history_;
-  std::vector<pid_t> hdf5_;
+  Hdf5Programs hdf5_;
   steady_clock::time_point began_ = steady_clock::now();  ///< Since when the run has its memory.
   std::optional<steady_clock::time_point> stopping_since_;
   std::optional<Expected<RunOutcome>> outcome_;
@@ -381,12 +381,13 @@ Engine process_engine(ProcessEngineSettings settings) {
     return plugin.empty() && !is_on_boundary(geometry) ? has_no_plugin() : check(geometry, options);
   };
   const auto workers = std::make_shared<Workers>(settings.program);
-  engine.run = [settings = std::move(settings), workers](RunRequest request,
-                                                         const RunHooks& hooks) -> Expected<RunOutcome> {
+  const auto watch = std::make_shared<ThreadWatch>();
+  engine.run = [settings = std::move(settings), workers, watch](RunRequest request,
+                                                                const RunHooks& hooks) -> Expected<RunOutcome> {
     // A server that shares its jobs with others may have the plugin when this one has not.
     if (request.cad_file != nullptr && settings.cad_plugin.empty()) return has_no_plugin();
     try {
-      return Conversation(settings, *workers, std::move(request), hooks).run();
+      return Conversation(settings, *workers, *watch, std::move(request), hooks).run();
     } catch (const ProcessLost& lost) {
       RunOutcome outcome;
       outcome.lost = lost.why;

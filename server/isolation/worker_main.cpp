@@ -47,6 +47,8 @@ namespace {
 
 /// Pieces of an output that go out together, in bytes.
 constexpr std::size_t kPieceBytes = std::size_t{512} << 10;
+/// What a process takes, mostly reserved for threads, before the server knows what its run needs.
+constexpr std::int64_t kBytesBeforeReading = std::int64_t{1} << 30;
 /// Iterations in one message of the history.
 constexpr int kIterationsPerPart = 10'000;
 
@@ -153,13 +155,9 @@ class Output {
   std::string piece_;
 };
 
-Error::Kind kind_of(int kind) {
-  return kind >= 0 && kind <= static_cast<int>(Error::Kind::Internal) ? Error::Kind(kind) : Error::Kind::Internal;
-}
-
 Expected<bool> outcome_of(const worker::Answer& answer) {
-  if (answer.has_failure()) return tl::unexpected(Error{kind_of(answer.failure().kind()), answer.failure().sentence()});
-  return answer.yes();
+  if (!answer.has_failure()) return answer.yes();
+  return tl::unexpected(Error{static_cast<Error::Kind>(answer.failure().kind()), answer.failure().sentence()});
 }
 
 /// Tells the server what the kernels have done since it was told last.
@@ -281,8 +279,9 @@ std::int64_t address_space() {
 bool confine(const worker::Request& request) {
   Confinement keeps;
   keeps.processor_seconds = request.processor_seconds();
-  constexpr int kForHdf5 = 16;  // an HDF5 file takes one: the program's socket
-  keeps.more_descriptors = kForHdf5;
+  keeps.memory = address_space() + request.mesh_bytes() + request.checkpoint_bytes() + kBytesBeforeReading;
+  keeps.memory_can_be_raised = true;
+  keeps.more_descriptors = 16;  // an HDF5 file takes one: the program's socket
   keeps.threads = true;
   return confine_this_process(keeps);
 }

