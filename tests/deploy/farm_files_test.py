@@ -40,7 +40,7 @@ class Compose(unittest.TestCase):
                               capture_output=True, text=True, env={**os.environ, **environment}, timeout=60)
 
     def test_is_read(self):
-        done = self.config(POSTGRES_PASSWORD="secret")
+        done = self.config(POSTGRES_PASSWORD_FILE="/secret")
         self.assertEqual(done.returncode, 0, done.stderr)
         for name in ("database", "frontend", "grafana", "migrate", "nginx", "prometheus", "worker"):
             self.assertRegex(done.stdout, rf"(?m)^  {name}:$")
@@ -59,7 +59,7 @@ class Compose(unittest.TestCase):
         self.assertIn("health,", text, "containers are asked how they are")
 
     def test_only_what_has_a_port_reaches_the_outside(self):
-        done = self.config(POSTGRES_PASSWORD="secret")
+        done = self.config(POSTGRES_PASSWORD_FILE="/secret")
         networks = yaml.safe_load(done.stdout)["networks"]
         self.assertEqual({name for name, network in networks.items() if network.get("internal")}, {"servers"})
         for name, service in yaml.safe_load(done.stdout)["services"].items():
@@ -74,15 +74,36 @@ class Compose(unittest.TestCase):
     def test_every_image_may_be_given_with_its_digest(self):
         digest = "@sha256:" + "a" * 64
         images = {f"{name}_IMAGE": name.lower() + digest for name in ("VARIMESH", "POSTGRES", "NGINX", "PROMETHEUS", "GRAFANA")}
-        services = yaml.safe_load(self.config(POSTGRES_PASSWORD="secret", **images).stdout)["services"]
+        services = yaml.safe_load(self.config(POSTGRES_PASSWORD_FILE="/secret", **images).stdout)["services"]
         self.assertEqual({service["image"] for service in services.values()}, set(images.values()))
 
     def test_needs_a_password(self):
-        environment = {key: value for key, value in os.environ.items() if key != "POSTGRES_PASSWORD"}
+        environment = {key: value for key, value in os.environ.items() if key != "POSTGRES_PASSWORD_FILE"}
         done = subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "config"], capture_output=True, text=True,
                               env=environment, timeout=60)
         self.assertNotEqual(done.returncode, 0)
-        self.assertIn("set a password", done.stderr)
+        self.assertIn("with a password", done.stderr)
+
+    def test_the_password_is_in_no_environment(self):
+        services = yaml.safe_load(self.config(POSTGRES_PASSWORD_FILE="/secret").stdout)["services"]
+        for name, service in services.items():
+            secrets = [key for key in service.get("environment", {}) if "PASSWORD" in key and not key.endswith("_FILE")]
+            self.assertEqual(secrets, [], name)
+        for name in ("frontend", "worker", "migrate"):
+            self.assertEqual(services[name]["environment"]["PGPASSFILE"], "/password/pgpass")
+            self.assertIn("password:/password:ro", services[name]["volumes"])
+        (command,) = services["meshes"]["command"]
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "run/secrets").mkdir(parents=True)
+            (Path(folder) / "run/secrets/password").write_text("pass:wo\\rd&/")
+            for path in (" /meshes", " /password", " /run/secrets"):
+                command = command.replace(path, f" {folder}/{path[2:]}")
+            user, group = os.getuid(), os.getgid()
+            command = command.replace("65532:65532", f"{user}:{group}").replace("--owner=65532 --group=65532", f"--owner={user} --group={group}")
+            subprocess.run(["sh", "-c", command.replace("$$", "$")], check=True, timeout=20)
+            made = Path(folder) / "password" / "pgpass"
+            self.assertEqual(made.read_text().rstrip("\n"), "*:*:*:*:pass\\:wo\\\\rd&/")
+            self.assertEqual(made.stat().st_mode & 0o777, 0o600)
 
 
 class Kubernetes(unittest.TestCase):
