@@ -24,7 +24,8 @@ constexpr double kOffTheWall = 0.3;
 /// With Walls::All a column ends where the next cell is lower than this times the one below: there it would go down the
 /// layers of the wall on the other side.
 constexpr double kShrinks = 0.8;
-/// A facet is curved if a node lies this far from the straight facet, relative to the length of its shortest edge.
+/// A facet is curved if a node lies this far above the straight facet, relative to the length of its shortest edge.
+/// Nodes that are spaced unevenly in a straight facet do not curve it.
 constexpr double kCurved = 1e-6;
 
 Vector point(const HighOrderMesh& mesh, std::int32_t node) { return Vector(&mesh.coordinates[3 * at(node)]); }
@@ -34,6 +35,13 @@ double shortest_edge(const HighOrderMesh& mesh, Shape shape, std::span<const std
   for (const auto& edge : reference::info(shape).edges)
     shortest = std::min(shortest, (point(mesh, vertices[at(edge[0])]) - point(mesh, vertices[at(edge[1])])).norm());
   return shortest;
+}
+
+Vector mean_vertex(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_t> nodes) {
+  Vector sum = Vector::Zero();
+  const int count = reference::info(shape).vertices;
+  for (int v = 0; v < count; ++v) sum += point(mesh, nodes[at(v)]);
+  return sum / count;
 }
 
 /// The unit normal of the straight facet, to either side.
@@ -49,6 +57,7 @@ bool is_curved(const HighOrderMesh& mesh, const WallFacet& facet, double size) {
   const reference::Points& nodes =
       reference::nodes(facet.shape, mesh.order, reference::NodeSet::Equispaced, mesh.dimension);
   const int vertices = reference::info(facet.shape).vertices;
+  const Vector normal = normal_of(mesh, facet);
   for (std::size_t k = at(vertices); k < facet.nodes.size(); ++k) {
     Vector straight = Vector::Zero();
     const double u = (1 + nodes(static_cast<int>(k), 0)) / 2;
@@ -59,7 +68,7 @@ bool is_curved(const HighOrderMesh& mesh, const WallFacet& facet, double size) {
     else
       straight = (1 - u - v) * point(mesh, facet.nodes[0]) + u * point(mesh, facet.nodes[1]) +
                  v * point(mesh, facet.nodes[facet.shape == Shape::Line ? 0 : 2]);
-    if ((straight - point(mesh, facet.nodes[k])).norm() > kCurved * size) return true;
+    if (std::abs(normal.dot(straight - point(mesh, facet.nodes[k]))) > kCurved * size) return true;
   }
   return false;
 }
@@ -171,11 +180,11 @@ struct Rise {
 std::vector<Vector> directions(const HighOrderMesh& mesh, const Columns& columns, const Cells& cells) {
   std::vector<Vector> inward(columns.vertices.size(), Vector::Zero());
   for (const WallFacet& facet : columns.facets) {
-    Vector normal = normal_of(mesh, facet), middle = Vector::Zero();
-    const std::span<const std::int32_t> nodes = cells.nodes(at(facet.cell));
-    const int count = reference::info(cells.shape(at(facet.cell))).vertices;
-    for (int v = 0; v < count; ++v) middle += point(mesh, nodes[at(v)]) / count;
-    if (normal.dot(middle - point(mesh, facet.nodes[0])) < 0) normal = -normal;
+    // A vertex of a facet with four vertices may lie farther from their plane than the layer is high.
+    Vector normal = normal_of(mesh, facet);
+    const Vector up = mean_vertex(mesh, cells.shape(at(facet.cell)), cells.nodes(at(facet.cell))) -
+                      mean_vertex(mesh, facet.shape, facet.nodes);
+    if (normal.dot(up) < 0) normal = -normal;
     for (int v = 0; v < reference::info(facet.shape).vertices; ++v)
       inward[at(columns.column_of[at(facet.nodes[at(v)])])] += normal;
   }
@@ -203,8 +212,46 @@ void begin_columns(const HighOrderMesh& mesh, Columns& columns) {
   }
 }
 
+double length(const HighOrderMesh& mesh, std::int32_t from, std::int32_t to) {
+  return (point(mesh, to) - point(mesh, from)).norm();
+}
+
 double last_height(const HighOrderMesh& mesh, const std::vector<std::int32_t>& column) {
-  return (point(mesh, column.back()) - point(mesh, column[column.size() - 2])).norm();
+  return length(mesh, column[column.size() - 2], column.back());
+}
+
+/// The vertex to which a column goes on straightest, of those that `may_take` allows. `size`: as Columns::size.
+template <class MayTake>
+Rise next_of(const HighOrderMesh& mesh, const Neighbours& neighbours, const std::vector<std::int32_t>& column,
+             const Vector& direction, double size, const MayTake& may_take) {
+  Rise next;
+  const bool is_first = column.size() == 1;
+  for (const std::int32_t to : neighbours.of(column.back())) {
+    const Vector edge = point(mesh, to) - point(mesh, column.back());
+    if ((is_first && edge.norm() >= kThin * size) || !may_take(to)) continue;
+    const double cosine = edge.dot(direction) / edge.norm();
+    if (cosine > (is_first ? kOffTheWall : kOn) && cosine > next.cosine) next = {to, cosine};
+  }
+  return next;
+}
+
+/// Whether the cells above the foot of a column are layers of another wall: the second one is lower than the first one,
+/// and the edges that point on lead to the foot of a column whose first cell is lower than both.
+bool goes_down(const HighOrderMesh& mesh, const Neighbours& neighbours, const Columns& columns, std::size_t column,
+               Vector direction) {
+  std::vector<std::int32_t> way{columns.vertices[column].front()};
+  double first = 0;
+  for (;;) {
+    const Rise next = next_of(mesh, neighbours, way, direction, columns.size[column],
+                              [&](std::int32_t to) { return std::ranges::find(way, to) == way.end(); });
+    if (next.to < 0) return false;
+    direction = (point(mesh, next.to) - point(mesh, way.back())).normalized();
+    way.push_back(next.to);
+    const double height = last_height(mesh, way);
+    if (way.size() == 2) first = height;
+    if (way.size() == 3 && height >= kShrinks * first) return false;
+    if (columns.column_of[at(next.to)] >= 0) return way.size() > 2 && height < kShrinks * first;
+  }
 }
 
 /// Raises all columns that still rise by one level. Returns whether one has risen. If two columns want the same vertex,
@@ -214,17 +261,12 @@ bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<
   std::vector<Rise> rises(rising.size());
   for (std::size_t i = 0; i < rising.size(); ++i) {
     const std::size_t column = at(rising[i]);
-    const std::int32_t from = columns.vertices[column].back();
-    for (const std::int32_t to : neighbours.of(from)) {
-      if (columns.column_of[at(to)] >= 0) continue;
-      const Vector edge = point(mesh, to) - point(mesh, from);
-      const bool is_first = columns.vertices[column].size() == 1;
-      if (is_first && edge.norm() >= kThin * columns.size[column]) continue;
-      if (!is_first && which == Walls::All && edge.norm() < kShrinks * last_height(mesh, columns.vertices[column]))
-        continue;
-      const double cosine = edge.dot(directions[column]) / edge.norm();
-      if (cosine > (is_first ? kOffTheWall : kOn) && cosine > rises[i].cosine) rises[i] = {to, cosine};
-    }
+    const std::vector<std::int32_t>& vertices = columns.vertices[column];
+    rises[i] = next_of(mesh, neighbours, vertices, directions[column], columns.size[column], [&](std::int32_t to) {
+      return columns.column_of[at(to)] < 0 &&
+             (vertices.size() == 1 || which == Walls::Curved ||
+              length(mesh, vertices.back(), to) >= kShrinks * last_height(mesh, vertices));
+    });
   }
   std::vector<std::size_t> order(rising.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -245,6 +287,24 @@ bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<
   return !rising.empty();
 }
 
+/// Drops the facets above which the cells are layers of another wall, and all columns. Returns whether there were some.
+bool leave_walls_of_others(const HighOrderMesh& mesh, const Neighbours& neighbours,
+                           const std::vector<Vector>& directions, Columns& columns) {
+  std::vector<WallFacet> kept;
+  for (const WallFacet& facet : columns.facets) {
+    bool leaves = false;
+    for (int v = 0; v < reference::info(facet.shape).vertices && !leaves; ++v) {
+      const std::size_t column = at(columns.column_of[at(facet.nodes[at(v)])]);
+      leaves = goes_down(mesh, neighbours, columns, column, directions[column]);
+    }
+    if (!leaves) kept.push_back(facet);
+  }
+  if (kept.size() == columns.facets.size()) return false;
+  columns = {};
+  columns.facets = std::move(kept);
+  return true;
+}
+
 }  // namespace
 
 Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls which) {
@@ -255,6 +315,11 @@ Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls whic
   begin_columns(mesh, columns);
   std::vector<Vector> direction = directions(mesh, columns, cells);
   const Neighbours neighbours(mesh, cells);
+  if (leave_walls_of_others(mesh, neighbours, direction, columns)) {
+    if (columns.facets.empty()) return {};
+    begin_columns(mesh, columns);
+    direction = directions(mesh, columns, cells);
+  }
   std::vector<std::int32_t> rising(columns.vertices.size());
   std::iota(rising.begin(), rising.end(), 0);
   while (raise(mesh, neighbours, direction, rising, which, columns)) continue;

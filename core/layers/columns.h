@@ -42,7 +42,8 @@ enum class Walls : std::uint8_t { Curved, All };
 /// Finds the columns. A wall is a patch of boundary facets that share edges (in 2-D: vertices), bend by less than 40°
 /// from one to the next, and have a thin cell behind each. With Walls::Curved it counts only if one of its facets is
 /// curved. The first edge of a column is thin too. Higher up a column goes on whatever its height, as long as one edge
-/// points on. With Walls::All it ends where the layers of another wall begin.
+/// points on. With Walls::All it ends where the layers of another wall begin. A facet does not count if the cells
+/// behind it are layers of another wall, which become lower towards that wall.
 Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls which = Walls::Curved);
 
 }  // namespace varimesh::detail

@@ -26,10 +26,11 @@ struct LayerStart {
 /// solution that varies with the distance from the wall keep its accuracy, and only then do layers stay valid that are
 /// thinner than the wall bends.
 ///
-/// - Cells stay as they are if they are certified valid and their nodes lie near parallel surfaces, to within a
-///   fiftieth of the height of the cell.
-/// - The nodes of other cells go to parallel surfaces if the cells are lower than wide or not certified valid. Cells
-///   get their nodes back if they would lose a certificate by it, or do not become valid.
+/// - In a mesh that is valid, cells stay as they are if their nodes lie near parallel surfaces: to within a fiftieth of
+///   the height of the cell along the normal of the wall, and a tenth of its width along the wall.
+/// - Otherwise the nodes of cells go to parallel surfaces if the cells are not certified valid or less high than one
+///   and a half times their width. Cells get their nodes back if they would lose a certificate by it, or do not become
+///   valid.
 /// - With a spacing that is not kept, the walls may be flat. The nodes of all cells that are at most twice as high as
 ///   wide go to parallel surfaces with that spacing.
 /// - The nodes stay there if at least one cell of the mesh becomes certified valid by this, or if the spacing is not

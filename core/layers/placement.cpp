@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 
 #include "core/base/index.h"
@@ -71,6 +72,15 @@ struct NodeInLayer {
   int only;                       ///< The vertex of the facet whose column it is on; −1: it is between columns.
 };
 
+/// Fixed nodes that are this far from a parallel surface, relative to the height of the cell, are on another surface.
+constexpr double kFades = 1e-3;
+
+/// Of the places and normals that cells want for a node.
+struct Sum {
+  Vector place = Vector::Zero(), normal = Vector::Zero();
+  int count = 0;
+};
+
 class Placer {
  public:
   Placer(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing, const std::vector<bool>& fixed)
@@ -88,9 +98,15 @@ class Placer {
     std::erase_if(placement_.cells, [&](const LayerCell& cell) { return !is_whole(cell); });
     space_columns();
     for (const LayerCell& cell : placement_.cells) add(cell);
+    for (LayerCell& cell : placement_.cells) note_fixed_tops(cell);
+    for (LayerCell& cell : placement_.cells) fade(cell);
     for (const auto& [node, sum] : sums_) {
+      const Vector normal = sum.normal.normalized();
       placement_.nodes.push_back(node);
-      for (int c = 0; c < 3; ++c) placement_.coordinates.push_back(sum.first[c] / sum.second);
+      for (int c = 0; c < 3; ++c) {
+        placement_.coordinates.push_back(sum.place[c] / sum.count);
+        placement_.normals.push_back(normal[c]);
+      }
     }
     return std::move(placement_);
   }
@@ -145,18 +161,20 @@ class Placer {
 
   int corners(const LayerCell& cell) const { return reference::info(columns_.facets[at(cell.facet)].shape).vertices; }
 
-  /// Sets the height. False if a column of the facet does not reach the level.
+  /// Sets the height and the width. False if a column of the facet does not reach the level.
   bool measure(LayerCell& cell) const {
-    cell.height = std::numeric_limits<double>::infinity();
-    double size = cell.height;
-    for (int v = 0; v < corners(cell); ++v) {
-      const auto& vertices = columns_.vertices[column(cell, v)];
-      if (vertices.size() <= at(cell.level)) return false;
-      size = std::min(size, columns_.size[column(cell, v)]);
-      cell.height = std::min(
-          cell.height, (point(mesh_, vertices[at(cell.level)]) - point(mesh_, vertices[at(cell.level) - 1])).norm());
-    }
-    cell.width = size;
+    const WallFacet& facet = columns_.facets[at(cell.facet)];
+    const auto vertex = [&](int corner, std::int32_t level) {
+      return point(mesh_, columns_.vertices[column(cell, corner)][at(level)]);
+    };
+    for (int v = 0; v < corners(cell); ++v)
+      if (columns_.vertices[column(cell, v)].size() <= at(cell.level)) return false;
+    cell.height = cell.width = std::numeric_limits<double>::infinity();
+    for (int v = 0; v < corners(cell); ++v)
+      cell.height = std::min(cell.height, (vertex(v, cell.level) - vertex(v, cell.level - 1)).norm());
+    for (const auto& edge : reference::info(facet.shape).edges)
+      for (const std::int32_t level : {cell.level - 1, cell.level})
+        cell.width = std::min(cell.width, (vertex(edge[0], level) - vertex(edge[1], level)).norm());
     return true;
   }
 
@@ -264,10 +282,42 @@ class Placer {
           node.only >= 0
               ? points_[column(cell, node.only)][place]
               : Vector(point(mesh_, wall.nodes[at(node.on_facet)]) + up * normal + along - normal.dot(along) * normal);
-      auto [sum, added] = sums_.try_emplace(nodes[k], x, 1);
-      if (added) continue;
-      sum->second.first += x;
-      ++sum->second.second;
+      Sum& sum = sums_[nodes[k]];
+      sum.place += x;
+      sum.normal += normal;
+      ++sum.count;
+    }
+  }
+
+  using TopNode = std::array<std::int32_t, 3>;  ///< Facet, node of the facet, level.
+  static TopNode above(const LayerCell& cell, const NodeInLayer& node) {
+    return {cell.facet, static_cast<std::int32_t>(node.on_facet), cell.level};
+  }
+
+  /// Notes how far the fixed nodes at the top of the cell are from the parallel surface.
+  void note_fixed_tops(const LayerCell& cell) {
+    const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
+    for (std::size_t k = 0; k < nodes.size(); ++k) {
+      const NodeInLayer node = *in_layer(cell, static_cast<int>(k));
+      if (node.step != mesh_.order || !fixed_[at(nodes[k])]) continue;
+      const Sum& sum = sums_.at(nodes[k]);
+      const Vector away = point(mesh_, nodes[k]) - sum.place / sum.count;
+      if (away.norm() > kFades * cell.height) tops_[above(cell, node)] = away;
+    }
+  }
+
+  /// Below fixed nodes that are elsewhere, the parallel surfaces of the cell fade to the surface that these nodes are
+  /// on.
+  void fade(LayerCell& cell) {
+    const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
+    for (std::size_t k = 0; k < nodes.size(); ++k) {
+      const NodeInLayer node = *in_layer(cell, static_cast<int>(k));
+      const auto top = tops_.find(above(cell, node));
+      if (top == tops_.end()) continue;
+      cell.fades = true;
+      if (node.step == 0 || !faded_.insert(nodes[k]).second) continue;
+      Sum& sum = sums_.at(nodes[k]);
+      sum.place += static_cast<double>(sum.count * node.step) / mesh_.order * top->second;
     }
   }
 
@@ -282,7 +332,9 @@ class Placer {
   std::array<std::optional<Eigen::MatrixXd>, kShapes> weights_;
   std::array<std::optional<FacetTable>, kShapes> tables_;
   std::map<std::int32_t, std::vector<Vector>> normals_;
-  std::map<std::int32_t, std::pair<Vector, int>> sums_;
+  std::map<std::int32_t, Sum> sums_;  ///< By node.
+  std::map<TopNode, Vector> tops_;    ///< Where fixed nodes are, from where they would be.
+  std::set<std::int32_t> faded_;      ///< Nodes that have been moved towards such nodes.
   Placement placement_;
 };
 

@@ -15,7 +15,8 @@ struct LayerCell {
   std::int32_t facet = -1;  ///< Columns::facets.
   std::int32_t level = 0;   ///< Of its upper vertices; at least 1.
   double height = 0;        ///< The shortest edge of the columns in it, in the unit of length of the mesh.
-  double width = 0;         ///< The shortest edge of the wall below it.
+  double width = 0;         ///< The shortest edge along the wall, at its lower and its upper level.
+  bool fades = false;       ///< Fixed nodes at its top are not on a parallel surface.
 };
 
 /// Where the nodes of layers lie in the mesh as it is, and where they would lie on parallel surfaces.
@@ -23,6 +24,7 @@ struct Placement {
   std::vector<LayerCell> cells;
   std::vector<std::int32_t> nodes;  ///< Nodes of these cells above the wall, sorted.
   std::vector<double> coordinates;  ///< 3 for each of `nodes`, interleaved.
+  std::vector<double> normals;      ///< In the same way: unit vectors, away from the wall.
 };
 
 /// A node of a layer has coordinates in the layers: a point of the wall, and a level s, a number between the levels of
@@ -35,7 +37,9 @@ struct Placement {
 ///
 /// w being the point on the curved wall. On a circle or a sphere with columns along its normals, that is on a
 /// concentric one. Nodes on columns keep their place, or go to the spacing that is wanted (spacing.h). Where cells
-/// disagree, as on both sides of an edge of the wall, the mean counts.
+/// disagree, as on both sides of an edge of the wall, the mean counts. If nodes at the top of a cell are fixed
+/// elsewhere, as on a far boundary with straight sides, the nodes below them are shifted by the share of their level in
+/// the cell of what these nodes are off.
 ///
 /// @param fixed  by node, whether it must stay
 Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing,

@@ -69,10 +69,12 @@ bool may_rise(const Options& options, const Result& result) {
          merit_of(result.after).smallest < kHardlyToBeRaised;
 }
 
-/// Whether the descent has found no way down from a valid mesh, although it looked for one.
+/// Whether the descent has found no way down from a valid mesh, although it looked for one. Layers that are held count
+/// as found: an energy would move their nodes.
 bool has_stayed(const SetUp& set_up, const Result& result) {
-  return set_up.options.objective == Objective::Accuracy && set_up.options.until != Until::Valid && left(result) == 0 &&
-         result.iterations > 0 && set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
+  return set_up.layers.held.empty() && set_up.options.objective == Objective::Accuracy &&
+         set_up.options.until != Until::Valid && left(result) == 0 && result.iterations > 0 &&
+         set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
 }
 
 /// How good the mesh is, as the end of a sentence.
