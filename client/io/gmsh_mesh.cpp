@@ -92,11 +92,12 @@ bool link_or_copy(const std::filesystem::path& model, const std::filesystem::pat
   return !failed || std::filesystem::copy_file(model, link, failed);
 }
 
-/// A script that makes gmsh read the model and, if it has several bodies, cut them where they touch.
+/// A script that makes gmsh read the model and, if it has several bodies or only faces, cut them where they touch.
 bool write_script(const std::filesystem::path& script, const std::filesystem::path& model) {
   std::ofstream file(script);
   file << "SetFactory(\"OpenCASCADE\");\nMerge \"" << model.filename().string()
-       << "\";\nbodies() = Volume{:};\nIf (#bodies() > 1)\n  Coherence;\nEndIf\n";
+       << "\";\nbodies() = Volume{:};\nfaces() = Surface{:};\nIf (#bodies() > 1 || (#bodies() == 0 && #faces() > 1))\n"
+          "  Coherence;\nEndIf\n";
   return file.flush().good();
 }
 

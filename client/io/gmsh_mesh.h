@@ -21,10 +21,10 @@ struct GmshOptions {
   std::function<void(const std::string&)> on_progress;
 };
 
-/// Meshes the model with tetrahedra of order 1, in the unit of length in which OpenCASCADE reads it. gmsh runs as a
-/// process of its own. Nothing is left at `mesh` after an error. Errors: BadOption if gmsh is not in PATH or cannot be
-/// started; BadInput, with the first errors that it printed, if it fails or takes too long; an empty sentence if this
-/// command was interrupted.
+/// Meshes the model with tetrahedra, or with triangles if it has no body but faces, of order 1, in the unit of length
+/// in which OpenCASCADE reads it. gmsh runs as a process of its own. Nothing is left at `mesh` after an error. Errors:
+/// BadOption if gmsh is not in PATH or cannot be started; BadInput, with the first errors that it printed, if it fails
+/// or takes too long; an empty sentence if this command was interrupted.
 /// @param folder for the files that gmsh writes
 /// @param mesh   where the mesh goes, as MSH 4.1
 Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,

@@ -18,6 +18,7 @@
 #include "client/surfaces/deliver_surface.h"
 #include "core/formats/reordering.h"
 #include "core/mesh/check.h"
+#include "core/mesh/plane.h"
 
 namespace varimesh::client {
 namespace {
@@ -121,7 +122,7 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (in_process && sent.slides() && sent.geometry.order() == 0) {
     auto file = read_moved(sent);
     if (!file) return print_error(as_named(arguments, file.error()));
-    if (is_surface(file->mesh)) {
+    if (is_surface(file->mesh) && !lies_in_a_plane(file->mesh)) {
       const auto slid = slide_here(sent, arguments.options, file->mesh, print_sentence);
       if (!slid) return print_error(as_named(arguments, slid.error()));
       return deliver_surface(arguments.common, asks_for_job, *outputs, *file, arguments.options.threads());

@@ -9,6 +9,7 @@
 
 #include "core/association/file_parameters.h"
 #include "core/association/match.h"
+#include "core/association/units.h"
 #include "core/geometry/closest_point.h"
 #include "core/mesh/bounding_box.h"
 
@@ -140,21 +141,6 @@ class Placing {
   std::vector<geometry::CurveSearch> searches_;
   std::vector<std::vector<int>> curves_of_;
 };
-
-/// Factors between usual units of length.
-constexpr double kFactors[] = {1,      1e-3,       1e3,   1e-2,   1e2,       1e-1,       10,   25.4, 1 / 25.4,
-                               0.0254, 1 / 0.0254, 304.8, 0.3048, 1 / 304.8, 1 / 0.3048, 1e-6, 1e6};
-
-double unit_factor(double mesh_size, double geometry_size) {
-  double best = 1, least = 0.1;  // samples of curved surfaces miss a little of the box
-  for (const double factor : kFactors) {
-    const double off = std::abs(std::log(mesh_size / (factor * geometry_size)));
-    if (off >= least) continue;
-    best = factor;
-    least = off;
-  }
-  return best;
-}
 
 double size_of(const HighOrderMesh& mesh, const NodeSurfaces& nodes) {
   BoundingBox box;
@@ -345,7 +331,7 @@ Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geome
   const detail::Repeated repeated = detail::merge_repeated(once, kVertexTolerance * geometry_size, team);
   result.repeated = repeated.surfaces;
   Attempt best(mesh, tags, once, repeated.part_of, 1, tolerance, team);
-  const double factor = unit_factor(result.size, geometry_size);
+  const double factor = detail::unit_factor(result.size, geometry_size);
   if (factor != 1 && best.matching.matched < best.elements()) {
     Attempt other(mesh, tags, once, repeated.part_of, factor, tolerance, team);
     if (other.matching.matched > best.matching.matched) best = std::move(other);

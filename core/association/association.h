@@ -47,6 +47,7 @@ struct Association {
   int repeated = 0;                   ///< How many surfaces of the file were left out, because others are the same.
   double factor = 1;                  ///< Lengths in the mesh over lengths in the file of the geometry.
   double size = 0;                    ///< The diagonal of the box around the mesh's nodes.
+  bool in_plane = false;              ///< The mesh lies in a plane, the only surface (plane/profile.h).
   std::vector<SurfaceMatch> matches;  ///< By increasing tag.
   std::vector<NodeEntity> nodes;  ///< By node of the mesh. Nodes that lie on no surface element have dimension −1.
   std::vector<SurfaceNodes> surfaces;  ///< By surface of the geometry.

@@ -47,6 +47,7 @@ class Curving {
     now.geometry = start_.geometry;
     now.factor = start_.factor;
     now.size = start_.size;
+    now.in_plane = start_.in_plane;
     now.matches = start_.matches;
     now.surface_of_element = start_.surface_of_element;
     now.repeated = start_.repeated;
@@ -107,7 +108,7 @@ class Curving {
         start.push_back(static_cast<std::int32_t>(e));
     }
     detail::walk_edges(
-        parts, mesh().order, start, straight_, [](const MeshFace& face) { return !face.on_surface; },
+        parts, mesh().order, start, straight_, false, [](const MeshFace& face) { return !face.on_surface; },
         [&](std::int32_t edge) { return parts.edges[index(edge)].surfaces.empty(); },
         [&](const detail::EdgeStep& step) {
           for (std::size_t i = 0; i < step.nodes_to.size(); ++i) {

@@ -52,10 +52,61 @@ std::optional<double> height(const MeshFace& face, std::size_t facet, const std:
   return beside / 2;
 }
 
+/// A step from an edge of a face, and how far it leads.
+struct NextEdge {
+  double height;
+  std::int32_t to;
+};
+
+/// Across a thin quadrilateral to the opposite edge.
+std::optional<NextEdge> across_quadrilateral(const MeshFace& face, std::int32_t from,
+                                             const std::vector<double>& straight) {
+  const auto facet = static_cast<std::size_t>(std::ranges::find(face.edges, from) - face.edges.begin());
+  const auto high = height(face, facet, straight);
+  if (!high) return std::nullopt;
+  return NextEdge{*high, face.edges[(facet + 2) % 4]};
+}
+
+/// The end of the edge that the other one has too.
+std::int32_t shared_end(const MeshEdge& edge, const MeshEdge& other) {
+  return std::ranges::find(other.ends, edge.ends[0]) != other.ends.end() ? edge.ends[0] : edge.ends[1];
+}
+
+/// From one long edge of a thin triangle to the other.
+std::optional<NextEdge> across_triangle(const MeshParts& parts, const MeshFace& face, std::int32_t from,
+                                        const std::vector<double>& straight) {
+  const auto length = [&](std::int32_t edge) {
+    const auto& ends = parts.edges[static_cast<std::size_t>(edge)].ends;
+    return distance(straight, ends[0], ends[1]);
+  };
+  const auto facet = static_cast<std::size_t>(std::ranges::find(face.edges, from) - face.edges.begin());
+  for (const std::size_t step : {1, 2}) {
+    const std::int32_t to = face.edges[(facet + step) % 3], beside = face.edges[(facet + 3 - step) % 3];
+    if (2 * length(beside) < kThin * (length(from) + length(to))) return NextEdge{length(beside) / 2, to};
+  }
+  return std::nullopt;
+}
+
+EdgeStep step_across(const MeshParts& parts, const MeshFace& face, int order, std::int32_t from, std::int32_t to) {
+  if (face.shape == Shape::Quadrilateral) {
+    const auto facet = static_cast<std::size_t>(std::ranges::find(face.edges, to) - face.edges.begin());
+    EdgeStep step{from, to, inner_nodes(face, order, (facet + 2) % 4), inner_nodes(face, order, facet)};
+    std::ranges::reverse(step.nodes_to);  // opposite facets run against each other
+    return step;
+  }
+  const MeshEdge &one = parts.edges[static_cast<std::size_t>(from)], &other = parts.edges[static_cast<std::size_t>(to)];
+  const std::int32_t end = shared_end(one, other);
+  EdgeStep step{from, to, one.inner, other.inner, 0, end};
+  if (one.ends[0] != end) std::ranges::reverse(step.nodes_from);
+  if (other.ends[0] != end) std::ranges::reverse(step.nodes_to);
+  return step;
+}
+
 /// An edge or a face, and how far it is from the boundary along the walk, by which step.
 struct Arrival {
   double far;
   std::int32_t at, step;
+  std::int32_t from = -1;  ///< Of an edge: from which one.
   bool operator>(const Arrival& other) const {
     return std::tie(far, at, step) > std::tie(other.far, other.at, other.step);
   }
@@ -124,11 +175,12 @@ std::vector<FaceStep> steps_through_cells(const HighOrderMesh& mesh, const std::
 }  // namespace
 
 void walk_edges(const MeshParts& parts, int order, const std::vector<std::int32_t>& start,
-                const std::vector<double>& straight, const std::function<bool(const MeshFace&)>& through,
-                const std::function<bool(std::int32_t)>& may_move, const std::function<void(const EdgeStep&)>& arrive) {
+                const std::vector<double>& straight, bool across_triangles,
+                const std::function<bool(const MeshFace&)>& through, const std::function<bool(std::int32_t)>& may_move,
+                const std::function<void(const EdgeStep&)>& arrive) {
   std::vector<std::pair<std::int32_t, std::int32_t>> pairs;
   for (std::size_t f = 0; f < parts.faces.size(); ++f)
-    if (parts.faces[f].shape == Shape::Quadrilateral && through(parts.faces[f]))
+    if ((across_triangles || parts.faces[f].shape == Shape::Quadrilateral) && through(parts.faces[f]))
       for (const std::int32_t edge : parts.faces[f].edges) pairs.emplace_back(edge, static_cast<std::int32_t>(f));
   const Lists faces_of(std::move(pairs));
   std::vector<bool> reached(parts.edges.size(), false);
@@ -137,9 +189,9 @@ void walk_edges(const MeshParts& parts, int order, const std::vector<std::int32_
   const auto look_around = [&](std::int32_t from, double far) {
     for (const auto& [edge, f] : faces_of.of(from)) {
       const MeshFace& face = parts.faces[static_cast<std::size_t>(f)];
-      const auto facet = static_cast<std::size_t>(std::ranges::find(face.edges, from) - face.edges.begin());
-      const auto high = height(face, facet, straight);
-      if (high) next.push({far + *high, face.edges[(facet + 2) % 4], f});
+      const auto across = face.shape == Shape::Quadrilateral ? across_quadrilateral(face, from, straight)
+                                                             : across_triangle(parts, face, from, straight);
+      if (across) next.push({far + across->height, across->to, f, from});
     }
   };
   for (const std::int32_t edge : start) look_around(edge, 0);
@@ -149,11 +201,8 @@ void walk_edges(const MeshParts& parts, int order, const std::vector<std::int32_
     if (reached[static_cast<std::size_t>(now.at)]) continue;
     reached[static_cast<std::size_t>(now.at)] = true;
     if (!may_move(now.at)) continue;
-    const MeshFace& face = parts.faces[static_cast<std::size_t>(now.step)];
-    const auto facet = static_cast<std::size_t>(std::ranges::find(face.edges, now.at) - face.edges.begin());
-    const std::size_t opposite = (facet + 2) % 4;
-    EdgeStep step{face.edges[opposite], now.at, inner_nodes(face, order, opposite), inner_nodes(face, order, facet)};
-    std::ranges::reverse(step.nodes_to);  // opposite facets run against each other
+    EdgeStep step = step_across(parts, parts.faces[static_cast<std::size_t>(now.step)], order, now.from, now.at);
+    step.face = now.step;
     arrive(step);
     look_around(now.at, now.far);
   }

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/curve/blend.h"
-#include "core/curve/layers.h"
+#include "core/reference/nodes.h"
 
 namespace varimesh::detail {
 namespace {
@@ -14,6 +14,9 @@ namespace {
 constexpr double kOnCurve = 1e-6;
 /// Two pieces of curves whose lengths differ by less than this, relatively, are equally short.
 constexpr double kEqual = 1e-9;
+/// In a plane, an edge does not lie on a piece of a curve that is longer than this, relative to the distance of its
+/// ends: it closes a gap between them. Around three quarters of a circle the ratio is 3.3.
+constexpr double kLongest = 4;
 
 std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
 
@@ -44,7 +47,7 @@ void BoundaryPlacing::run() {
     if (states_[index(e)] == State::OnSurface) place_on_surface(index(e));
   });
   team_.for_each(static_cast<std::int32_t>(parts_.faces.size()), 16, [&](std::int32_t f) {
-    if (parts_.faces[index(f)].on_surface) place_inside(parts_.faces[index(f)]);
+    if (parts_.faces[index(f)].on_surface && !is_placed_[index(f)]) place_inside(parts_.faces[index(f)]);
   });
 }
 
@@ -53,6 +56,7 @@ void BoundaryPlacing::run() {
 void BoundaryPlacing::find_curves() {
   states_.assign(parts_.edges.size(), State::Inside);
   curves_.assign(parts_.edges.size(), -1);
+  is_placed_.assign(parts_.faces.size(), false);
   team_.for_each(static_cast<std::int32_t>(parts_.edges.size()), 16, [&](std::int32_t e) {
     const MeshEdge& edge = parts_.edges[index(e)];
     if (edge.surfaces.empty()) return;
@@ -90,6 +94,7 @@ int BoundaryPlacing::curve_of(const MeshEdge& edge) {
     const std::vector<double> from = ends_on(c, edge.ends[0]), to = ends_on(c, edge.ends[1]);
     if (from.empty() || to.empty()) continue;
     const double length = shortest_piece(c, from, to).length();
+    if (association_.in_plane && length > kLongest * chord(edge)) continue;
     if (length < least) {
       second = least;
       least = length;
@@ -166,13 +171,15 @@ void BoundaryPlacing::place_on_curve(const MeshEdge& edge, int curve) {
   }
 }
 
-/// On each surface, the edges of thin quadrilaterals move as those on the curve.
+/// On each surface, the edges of thin quadrilaterals move as those on the curve. In a plane, those of thin triangles do
+/// too.
 void BoundaryPlacing::place_layers() {
   std::vector<std::int32_t> start;
   for (std::size_t e = 0; e < states_.size(); ++e)
     if (states_[e] == State::OnCurve) start.push_back(static_cast<std::int32_t>(e));
   walk_edges(
-      parts_, mesh_.order, start, straight_, [](const MeshFace& face) { return face.surface >= 0; },
+      parts_, mesh_.order, start, straight_, association_.in_plane,
+      [](const MeshFace& face) { return face.surface >= 0; },
       [&](std::int32_t edge) { return states_[index(edge)] == State::OnSurface; },
       [&](const EdgeStep& step) {
         const MeshEdge& edge = parts_.edges[index(step.to)];
@@ -195,6 +202,7 @@ void BoundaryPlacing::place_layers() {
           association_.surfaces[index(s)].of(step.nodes_to[i]) = points[i].at;
         }
         states_[index(step.to)] = State::Placed;
+        if (step.shared >= 0) place_inside_thin(step);
       });
 }
 
@@ -208,6 +216,29 @@ void BoundaryPlacing::place_on_surface(std::size_t e) {
     put(edge.inner[i], 2, s, (*points)[i]);
     association_.surfaces[index(s)].of(edge.inner[i]) = (*points)[i].at;
   }
+}
+
+/// The nodes inside a thin triangle move as those of its long edges that are as far from the vertex between these.
+void BoundaryPlacing::place_inside_thin(const EdgeStep& step) {
+  const MeshFace& face = parts_.faces[index(step.face)];
+  const auto corner = std::ranges::find(face.nodes, step.shared) - face.nodes.begin();
+  const auto& lattice = reference::lattice(face.shape, mesh_.order);
+  const auto straight = [&](std::int32_t node) {
+    return Eigen::Map<const Eigen::Vector3d>(&straight_[3 * index(node)]);
+  };
+  for (const int local : inner_blend(face.shape, mesh_.order).inner) {
+    const std::int32_t node = face.nodes[index(local)];
+    const int i = lattice[index(local)][0], j = lattice[index(local)][1];
+    const int away = mesh_.order - (corner == 0 ? mesh_.order - i - j : corner == 1 ? i : j);
+    const std::int32_t from = step.nodes_from[index(away) - 1], to = step.nodes_to[index(away) - 1];
+    const auto foot =
+        foot_within(surface(face.surface), search(face.surface), straight(node) + x(from) - straight(from),
+                    on_surface(face.surface, to).at, 0.5 * chord(parts_.edges[index(step.to)]));
+    if (!foot) return;
+    put(node, 2, face.surface, *foot);
+    association_.surfaces[index(face.surface)].of(node) = foot->at;
+  }
+  is_placed_[index(step.face)] = true;
 }
 
 void BoundaryPlacing::place_inside(const MeshFace& face) {

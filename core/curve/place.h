@@ -7,6 +7,7 @@
 
 #include "core/curve/between.h"
 #include "core/curve/curve.h"
+#include "core/curve/layers.h"
 #include "core/curve/parts.h"
 
 namespace varimesh::detail {
@@ -32,6 +33,7 @@ class BoundaryPlacing {
   void place_layers();
   void place_on_surface(std::size_t edge);
   void place_inside(const MeshFace& face);
+  void place_inside_thin(const EdgeStep& step);
 
   void put(std::int32_t node, std::int8_t dimension, int entity, const PlacedPoint& point);
   PlacedPoint on_surface(int surface, std::int32_t node);
@@ -51,8 +53,9 @@ class BoundaryPlacing {
   const std::vector<double> straight_;
   std::vector<std::unique_ptr<geometry::CurveSearch>> curve_searches_;
   std::vector<std::unique_ptr<geometry::SurfaceSearch>> surface_searches_;
-  std::vector<State> states_;  ///< By edge.
-  std::vector<int> curves_;    ///< By edge: its curve, or −1.
+  std::vector<State> states_;    ///< By edge.
+  std::vector<int> curves_;      ///< By edge: its curve, or −1.
+  std::vector<bool> is_placed_;  ///< By face: whether its inner nodes are placed already.
 };
 
 }  // namespace varimesh::detail

@@ -48,9 +48,44 @@ std::vector<Element> with_held_new_nodes(const HighOrderMesh& mesh, const Associ
   return result;
 }
 
+/// An edge with a new node that belongs to no entity, and the element that it is of.
+struct HeldEdge {
+  Eigen::Vector3d along;  ///< From the end at which it is listed.
+  std::int64_t element;
+};
+
+std::int64_t count_in_plane(const HighOrderMesh& mesh, const Association& association) {
+  std::map<std::int32_t, std::vector<HeldEdge>> at;  // by end
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != 2) continue;
+    const auto stride = block.nodes.size() / std::max<std::size_t>(block.size(), 1);
+    for (std::size_t e = 0; e < block.size(); ++e)
+      for (int f = 0; f < reference::info(block.shape).vertices; ++f) {
+        const std::vector<int>& local = reference::facet_nodes(block.shape, block.order, f);
+        const auto node = [&](std::size_t k) { return block.nodes[e * stride + static_cast<std::size_t>(local[k])]; };
+        if (association.nodes[static_cast<std::size_t>(node(2))].dimension >= 0) continue;
+        const auto x = [&](std::size_t k) {
+          return Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(node(k))]);
+        };
+        at[node(0)].push_back({x(1) - x(0), block.numbers[e]});
+        at[node(1)].push_back({x(0) - x(1), block.numbers[e]});
+      }
+  }
+  std::set<std::int64_t> straight;
+  for (const auto& [end, edges] : at) {
+    if (edges.size() != 2) continue;
+    const Eigen::Vector3d &one = edges[0].along, other = -edges[1].along;
+    const double angle = std::atan2(one.cross(other).norm(), one.dot(other));
+    if (angle <= kFlat || angle >= kEdge) continue;
+    for (const HeldEdge& edge : edges) straight.insert(edge.element);
+  }
+  return std::ssize(straight);
+}
+
 }  // namespace
 
 std::int64_t count_straight_elements(const HighOrderMesh& mesh, const Association& association) {
+  if (association.in_plane) return count_in_plane(mesh, association);
   const std::vector<Element> elements = with_held_new_nodes(mesh, association);
   std::map<std::pair<std::int32_t, std::int32_t>, std::vector<std::size_t>> edges;
   for (std::size_t e = 0; e < elements.size(); ++e)

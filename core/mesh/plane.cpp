@@ -164,4 +164,10 @@ void Plane::put_back(HighOrderMesh& mesh) const {
   }
 }
 
+bool lies_in_a_plane(const HighOrderMesh& mesh, const Team& team) {
+  return mesh.dimension == 2 && (!is_surface(mesh, team) || Plane::of(mesh, team));
+}
+
+bool lies_in_a_plane(const HighOrderMesh& mesh) { return lies_in_a_plane(mesh, Team(1)); }
+
 }  // namespace varimesh

@@ -11,6 +11,10 @@
 
 namespace varimesh {
 
+/// Whether the mesh is 2-D and lies in a plane. Call it inside team.run().
+bool lies_in_a_plane(const HighOrderMesh& mesh, const Team& team);
+bool lies_in_a_plane(const HighOrderMesh& mesh);
+
 /// The plane of a 2-D mesh that does not lie in a plane z = constant.
 class Plane {
  public:

@@ -231,8 +231,8 @@ class Builder {
 
 bool build(const TopoDS_Shape& shape, geometry::Geometry& result, std::string& error) {
   Builder(shape).build(result);
-  if (!result.surfaces.empty()) return true;
-  error = "it has no face with a surface; export the model as solids or surfaces.";
+  if (!result.surfaces.empty() || !result.curves.empty()) return true;  // edges are a profile for meshes in a plane
+  error = "it has no face with a surface and no edge with a curve; export the model as solids, surfaces or curves.";
   return false;
 }
 

@@ -74,14 +74,19 @@ class Sliding {
         surface_elements_(detail::surface_elements(mesh, association)),
         curves_(curve_elements_.size()),
         surfaces_(surface_elements_.size()),
+        curves_at_start_(curve_elements_.size()),
         start_(surface_elements_.size()) {}
 
   SlideReport run(SlideOn what) {
     std::vector<int> all;
-    for (std::size_t s = 0; s < surfaces_.size(); ++s)
+    // In a plane, all nodes move when the mesh is optimised.
+    for (std::size_t s = 0; s < surfaces_.size() && !association_.in_plane; ++s)
       if (!surface_elements_[s].empty()) all.push_back(static_cast<int>(s));
     measure_start(all);
-    if (what != SlideOn::None && what != SlideOn::Surfaces) slide_curves();
+    if (what != SlideOn::None && what != SlideOn::Surfaces)
+      slide_curves(fixed_);
+    else if (association_.in_plane)
+      slide_curves(std::vector<bool>(mesh_.node_count(), true));  // measures them
     if (what != SlideOn::None) slide_surfaces(all);
     // The nodes of a curve may have left a surface worse than it came. Then they go back, and the surfaces around try
     // again. Each time fewer curves have moved, so this ends.
@@ -115,7 +120,7 @@ class Sliding {
 
   // ===== Curves =====
 
-  void slide_curves() {
+  void slide_curves(const std::vector<bool>& fixed) {
     team_.for_each(static_cast<std::int32_t>(curves_.size()), 1, [&](std::int32_t c) {
       const auto& own = curve_elements_[index(c)];
       if (own.empty()) return;
@@ -123,8 +128,9 @@ class Sliding {
       const auto measure = [&](const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
         return detail::curve_distances(shape, own, mesh_.order, nodes, coordinates);
       };
-      const auto start = detail::curve_nodes(c, own, association_, mesh_.coordinates, fixed_);
+      const auto start = detail::curve_nodes(c, own, association_, mesh_.coordinates, fixed);
       const Distances before = measure(start, at_start_);
+      curves_at_start_[index(c)] = before;
       curves_[index(c)] = choose(
           start, before, Limit::of(before, association_.allowed_on_curves, index(c)),
           [&](const std::vector<EntityNode>& nodes, int iterations) {
@@ -318,6 +324,10 @@ class Sliding {
       report.surfaces += surfaces_[s].moved ? 1 : 0;
       report.held_back += surfaces_[s].held_back ? 1 : 0;
     }
+    for (std::size_t c = 0; c < curves_.size() && association_.in_plane; ++c) {
+      before.add(curves_at_start_[c]);
+      after.add(curves_[c].after);
+    }
     for (const Outcome& curve : curves_) {
       report.curves += curve.moved ? 1 : 0;
       report.held_back += curve.held_back ? 1 : 0;
@@ -342,6 +352,7 @@ class Sliding {
   std::vector<SurfaceNodes> surfaces_at_start_;
   std::vector<std::vector<EntityElement>> curve_elements_, surface_elements_;
   std::vector<Outcome> curves_, surfaces_;  ///< What they have come to so far.
+  std::vector<Distances> curves_at_start_;  ///< By curve.
   std::vector<Start> start_;                ///< By surface.
 };
 

@@ -21,6 +21,8 @@ namespace varimesh {
 /// nodes have moved. If a surface is then worse than at the start, the nodes of its curves go back, and the surfaces
 /// around try again.
 ///
+/// If the mesh lies in a plane, nodes slide on its curves, and the report has the distances from these.
+///
 /// Periodic links of the mesh hold afterwards as they did before: where the nodes of a link would part, they stay.
 ///
 /// The result does not depend on the number of threads. Call it inside team.run().

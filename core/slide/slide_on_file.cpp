@@ -8,11 +8,13 @@
 
 #include "core/association/file_parameters.h"
 #include "core/association/own_boundary.h"
+#include "core/association/plane/profile.h"
 #include "core/association/smooth_joints.h"
 #include "core/curve/curve.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/mesh/node_parameters.h"
+#include "core/mesh/plane.h"
 #include "core/slide/coupled/coupled.h"
 #include "core/slide/slide.h"
 #include "core/slide/surface_alone.h"
@@ -48,10 +50,6 @@ Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std
 }
 
 Expected<void> check_order(const HighOrderMesh& mesh, int order) {
-  if (mesh.dimension != 3 && !is_surface(mesh))
-    return bad_input(
-        "Boundary nodes slide, and elements are curved, in meshes of volume elements and on surfaces in space only; "
-        "this mesh lies in a plane.");
   if (order == 0) return {};
   if (order < 2 || order > kMaxOrder)
     return bad_option("A curved mesh has order 2 to " + std::to_string(kMaxOrder) + ", not " + std::to_string(order) +
@@ -75,6 +73,7 @@ struct Work {
   const Team& team;
   /// Ends when the caller asks for it, but not when the time is over: a mesh that is not curved yet is no result.
   const Team& curving_team;
+  bool in_plane;
   std::vector<std::string> sentences;
   SlideReport report = {};
   std::int64_t straight_elements = 0;
@@ -90,8 +89,8 @@ struct Work {
     if (joins)
       sentences.push_back(join_smoothly(mesh, *association, options.smooth_angle * std::numbers::pi / 180).sentence());
     slide_nodes(mesh, *association);
-    // Joined entities have parameters of their own.
-    joins ? before.forget_moved(mesh) : keep_parameters(mesh, *association);
+    // Joined entities and planes have parameters of their own.
+    joins || in_plane ? before.forget_moved(mesh) : keep_parameters(mesh, *association);
     return {};
   }
 
@@ -110,9 +109,11 @@ struct Work {
  private:
   /// The association of the mesh, which may be snapped and curved.
   Expected<Association> associated(const geometry::Geometry& geometry) {
-    auto association = associate(mesh, geometry, curving_team);
+    auto association =
+        in_plane ? associate_in_plane(mesh, geometry, curving_team) : associate(mesh, geometry, curving_team);
     if (!association) return association;
-    append(sentences, describe(mesh, *association, options.snap_tolerance));
+    append(sentences, in_plane ? describe_in_plane(mesh, *association, options.snap_tolerance)
+                               : describe(mesh, *association, options.snap_tolerance));
     if (options.snap) {
       const std::size_t moved = snap(mesh, *association, options.snap_tolerance);
       sentences.push_back(std::to_string(moved) + " nodes were moved onto the geometry.");
@@ -133,7 +134,7 @@ struct Work {
     auto fixed = nodes_of_groups(mesh, options.fix);
     assert(fixed);  // slide_on_file() has looked for the groups already
     detail::CoupledReport coupled;
-    if (mesh.dimension == 2)
+    if (mesh.dimension == 2 && !in_plane)
       report = detail::slide_alone(boundary, association, what, std::move(*fixed), team);
     else if (what == SlideOn::Coupled)
       report = detail::slide_coupled(boundary, association, *fixed, {options.tolerance, options.coupled_seconds}, team,
@@ -146,15 +147,24 @@ struct Work {
 };
 
 /// What can be refused before a geometry is read.
-Expected<void> check_with_mesh(const HighOrderMesh& mesh, const GeometryOptions& options, const Team& team) {
+/// @param in_plane  receives whether the mesh lies in a plane
+Expected<void> check_with_mesh(const HighOrderMesh& mesh, const GeometryOptions& options, const Team& team,
+                               bool& in_plane) {
   if (auto fine = check(options); !fine) return fine;
   if (options.slide == SlideOn::Coupled && mesh.dimension != 3)
     return bad_option(
-        "slide is coupled, which moves the nodes inside volume elements too, and a surface has none; choose all.");
+        "slide is coupled, which moves the nodes inside volume elements too, and this mesh has none; choose all.");
   Expected<void> checked;
   // A mesh that is to be curved is no result before, even if the time is over.
   const Team checking = options.order > 0 ? team.without_stop() : team;
-  checking.run([&] { checked = check_judgeable(mesh, checking); });
+  checking.run([&] {
+    checked = check_judgeable(mesh, checking);
+    in_plane = checked && lies_in_a_plane(mesh, checking);
+  });
+  if (in_plane && options.on_boundary())
+    return bad_input("The mesh lies in a plane, whose boundary is no guide to where nodes may slide; give a model.");
+  if (in_plane && options.smooth_angle > 0)
+    return bad_option("smooth_angle joins surfaces, and this mesh lies in a plane; leave it out.");
   if (checked) checked = check_order(mesh, options.order);
   if (!checked) return checked;
   if (const auto fixed = nodes_of_groups(mesh, options.fix); !fixed) return tl::unexpected(fixed.error());
@@ -165,12 +175,12 @@ using Reason = StopToken::Reason;
 
 /// @param model  null: the mesh's own boundary
 Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& options, const Team& team,
-                                  const geometry::Geometry* model) {
+                                  const geometry::Geometry* model, bool in_plane) {
   const StopToken asked(
       [&] { return options.stop != nullptr && options.stop->stopped() && options.stop->reason() == Reason::Asked; });
   Team curving_team(options.threads);
   curving_team.set_stop(options.order > 0 ? &asked : options.stop);
-  Work work{mesh, options, options.slide, team, curving_team, {}};
+  Work work{mesh, options, options.slide, team, curving_team, in_plane, {}};
   if (model != nullptr) work.sentences = model->notes;
   const NodesWithParameters before(mesh);
   std::vector<double> coordinates = mesh.coordinates;
@@ -201,7 +211,7 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
     go_back();
     return tl::unexpected(done.error());
   }
-  return SlidOnGeometry{std::move(work.sentences), work.report, work.straight_elements, is_cut_short};
+  return SlidOnGeometry{std::move(work.sentences), work.report, work.straight_elements, in_plane, is_cut_short};
 }
 
 Team team_of(const GeometryOptions& options) {
@@ -215,23 +225,26 @@ Team team_of(const GeometryOptions& options) {
 Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
                                         const geometry::Geometry& model) {
   const Team team = team_of(options);
-  if (const auto fine = check_with_mesh(mesh, options, team); !fine) return tl::unexpected(fine.error());
-  return slide_on(mesh, options, team, &model);
+  bool in_plane = false;
+  if (const auto fine = check_with_mesh(mesh, options, team, in_plane); !fine) return tl::unexpected(fine.error());
+  return slide_on(mesh, options, team, &model, in_plane);
 }
 
 Expected<SlidOnGeometry> slide_on_boundary(HighOrderMesh& mesh, const GeometryOptions& options) {
   const Team team = team_of(options);
-  if (const auto fine = check_with_mesh(mesh, options, team); !fine) return tl::unexpected(fine.error());
-  return slide_on(mesh, options, team, nullptr);
+  bool in_plane = false;
+  if (const auto fine = check_with_mesh(mesh, options, team, in_plane); !fine) return tl::unexpected(fine.error());
+  return slide_on(mesh, options, team, nullptr, in_plane);
 }
 
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
   const Team team = team_of(options);
-  if (const auto fine = check_with_mesh(mesh, options, team); !fine) return tl::unexpected(fine.error());
+  bool in_plane = false;
+  if (const auto fine = check_with_mesh(mesh, options, team, in_plane); !fine) return tl::unexpected(fine.error());
   Expected<geometry::Geometry> geometry;
   if (!options.on_boundary()) geometry = geometry::load(options.file);
   if (!geometry) return tl::unexpected(geometry.error());
-  auto slid = slide_on(mesh, options, team, options.on_boundary() ? nullptr : &*geometry);
+  auto slid = slide_on(mesh, options, team, options.on_boundary() ? nullptr : &*geometry, in_plane);
   if (!slid) return tl::unexpected(slid.error());
   return std::move(slid->sentences);
 }

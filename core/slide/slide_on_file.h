@@ -15,11 +15,11 @@ namespace geometry {
 struct Geometry;
 }  // namespace geometry
 
-/// Moves boundary nodes of a 3-D mesh, or the nodes of a surface in space, as core/slide/slide.h
-/// says, and returns sentences that say what matched, what moved and how far the boundary is from the geometry. Inner
-/// nodes move only if `slide` is coupled. With an order, the mesh is of order 1 and becomes one of this order before
-/// (core/curve/curve.h). The mesh is unchanged after an error. Errors: BadInput if the file cannot be read, if nothing
-/// matches, or if the mesh lies in a plane or has another order; BadOption if check() refuses the options, if a group
+/// Moves boundary nodes of a 3-D mesh or of a mesh in a plane, or the nodes of a surface in space, as
+/// core/slide/slide.h says, and returns sentences that say what matched, what moved and how far the boundary is from
+/// the geometry. Inner nodes move only if `slide` is coupled. With an order, the mesh is of order 1 and becomes one of
+/// this order before (core/curve/curve.h). The mesh is unchanged after an error. Errors: BadInput if the file cannot be
+/// read, if nothing matches, or if the mesh has another order; BadOption if check() refuses the options, if a group
 /// does not exist, or if OpenCASCADE is not installed. Throws Interrupted if the work is to stop; the mesh is then as
 /// it came. Once a mesh has been curved, nothing is thrown: its nodes stay where curving has put them, and a sentence
 /// says so.
@@ -30,6 +30,7 @@ struct SlidOnGeometry {
   std::vector<std::string> sentences;
   SlideReport report;
   std::int64_t straight_elements = 0;  ///< CurveReport::straight, if the mesh was curved.
+  bool in_plane = false;               ///< The mesh lies in a plane, and its nodes slide on curves.
   bool is_cut_short = false;           ///< The mesh was curved, but the work was to stop before its nodes had slid.
 };
 

@@ -16,6 +16,7 @@
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/mesh/loose_parts.h"
+#include "core/mesh/plane.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/on_geometry/optimise_on_geometry.h"
@@ -246,7 +247,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
-  if (*geometry && is_surface((*file)->mesh))
+  if (*geometry && is_surface((*file)->mesh) && !lies_in_a_plane((*file)->mesh))
     return bad_input(
         "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
         "--server.");
@@ -272,6 +273,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
   request.options.threads = std::min(request.options.threads, most);
+  if (*geometry && checked->plane) checked->plane->put_back(mesh);  // the geometry is in space
   v1::Metrics of_geometry;
   auto result = request.quality ? judge(std::move(*checked), *request.quality, request.options, hooks)
                 : *geometry     ? optimise_sliding(std::move(checked->mesh), **geometry, request.model.get(),

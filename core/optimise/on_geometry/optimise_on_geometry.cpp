@@ -77,7 +77,7 @@ class Runs {
     // If sliding was cut short, the mesh was optimised as it came, and to slide once more would take no less time.
     if (!best_.slid || best_.slid->slid.is_cut_short) return;
     if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
-    if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto)
+    if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto && mesh_.dimension == 3)
       try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
     if (left(best_.result) > 0) try_other(SlideOn::None, {}, 1);
   }

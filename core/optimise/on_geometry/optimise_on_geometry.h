@@ -55,14 +55,13 @@ struct ResultOnGeometry {
   std::vector<SlideTrial> trials;
 };
 
-/// Slides the boundary nodes of a mesh of volume elements as `geometry` says, and optimises the mesh with this boundary
-/// fixed. `geometry.fix`, `threads` and `coupled_seconds` are taken from `options` and `control`. `Options::order` is
-/// 0; GeometryOptions::order curves a straight mesh.
+/// Slides the boundary nodes of a mesh of volume elements, or of a mesh in a plane, as `geometry` says, and optimises
+/// the mesh with this boundary fixed. `geometry.fix`, `threads` and `coupled_seconds` are taken from `options` and
+/// `control`. `Options::order` is 0; GeometryOptions::order curves a straight mesh.
 ///
 /// On a model:
 /// - If elements are left that are not certified valid, or have a scaled Jacobian below .02, and SlideOn::Auto lets
-/// this
-///   function choose, the mesh as it came is optimised with SlideOn::Coupled too.
+///   this function choose, a mesh of volume elements as it came is optimised with SlideOn::Coupled too.
 /// - If elements are still left that are not certified valid, it is optimised with SlideOn::None too.
 /// The result with the fewest elements left is taken, of several the first. If none was left before all nodes moved
 /// together, it is the one with the larger smallest scaled Jacobian.

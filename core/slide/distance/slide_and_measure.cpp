@@ -42,6 +42,7 @@ Expected<SlidAndMeasured> slide_and_measure(HighOrderMesh& mesh, const GeometryO
   auto slid = slide_on_model(mesh, options, model);
   if (!slid) return tl::unexpected(slid.error());
   SlidAndMeasured result{std::move(*slid), {}};
+  if (result.slid.in_plane) return result;
   if (curves) coordinates = mesh.coordinates;
   const auto change_places = [&] {
     std::swap(coordinates, mesh.coordinates);

@@ -10,8 +10,8 @@ namespace varimesh {
 
 struct SlidAndMeasured {
   SlidOnGeometry slid;  ///< The sentences about the distances are among its sentences.
-  /// Nothing if the work was stopped after the nodes had slid. If the mesh was curved too, nothing is known from before
-  /// (BoundaryDistances::forget_before()).
+  /// Nothing if the mesh lies in a plane, or if the work was stopped after the nodes had slid. If the mesh was curved
+  /// too, nothing is known from before (BoundaryDistances::forget_before()).
   std::optional<BoundaryDistances> distances;
 };
 

@@ -130,7 +130,8 @@ class Geometry(WithFolder):
         for arguments, status, sentence in (
                 ([self.folder / "part.msh", "--geometry", self.folder / "cut.step"], 3, "the STEP file is cut off"),
                 ([self.folder / "part.msh", "--geometry", self.folder / "none.step"], 3, "is not a file"),
-                ([MESH, "--geometry", self.folder / "part.step"], 3, "this mesh lies in a plane"),
+                ([MESH, "--geometry", self.folder / "part.step"], 3,
+                 "No edge on the boundary of the mesh lies on a curve"),
                 ([self.folder / "part.msh", "--geometry", self.folder / "part.step", "--order", "4"], 2, "--order"),
                 ([self.folder / "part.msh", "--geometry", self.folder / "part.step", "--fix", "no"], 2, "'no'")):
             done = run("optimise", *arguments, "-o", self.out)

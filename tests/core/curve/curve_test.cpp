@@ -5,15 +5,18 @@
 #include <map>
 #include <numbers>
 
+#include "core/association/plane/profile.h"
 #include "core/geometry/analytic.h"
 #include "core/mesh/check.h"
 #include "core/quality/quality.h"
 #include "core/slide/slide.h"
+#include "tests/core/support/ring_mesh.h"
 #include "tests/core/support/surface_grid.h"
 
 namespace varimesh {
 namespace {
 
+using testing::ring_mesh;
 using testing::surface_grid;
 constexpr double kTurn = 2 * std::numbers::pi;
 
@@ -274,6 +277,36 @@ TEST(Curve, NamesTheSurfacesOfNodesThatItHolds) {
   // Those of the wall. The end is flat.
   EXPECT_EQ(made.report.straight, kColumns);
   EXPECT_NE(said.find("curved at " + std::to_string(kColumns) + " elements"), std::string::npos);
+}
+
+// ===== Plane meshes =====
+
+CurvedMesh curved_ring(const HighOrderMesh& ring, const std::vector<double>& radii, int order) {
+  geometry::Geometry circles;
+  for (const double radius : radii) circles.curves.push_back({1, geometry::circle({}, radius), {}, {}});
+  const Team team(1);
+  Expected<CurvedMesh> result;
+  team.run([&] { result = curve(ring, associate_in_plane(ring, circles, team).value(), order, team); });
+  EXPECT_TRUE(result) << result.error().sentence;
+  return std::move(*result);
+}
+
+TEST(Curve, KeepsTheHeightsOfLayersInAPlane) {
+  // The first layers are thinner than a straight wall is off the circle.
+  for (const bool triangles : {false, true})
+    for (const int order : {2, 3, 5}) {
+      const CurvedMesh made = curved_ring(ring_mesh({1, 1.005, 1.012, 1.5, 3}, kColumns, triangles), {1, 3}, order);
+      EXPECT_EQ(made.report.on_curves, 2 * kColumns * (order - 1));
+      EXPECT_EQ(made.report.held, 0);
+      EXPECT_EQ(made.report.straight, 0);
+      EXPECT_EQ(quality(made.mesh).invalid_elements, 0) << triangles << ' ' << order;
+    }
+}
+
+TEST(Curve, CountsElementsAtACurvedBorderWithoutACurve) {
+  const CurvedMesh made = curved_ring(ring_mesh({1, 2, 3}, kColumns), {1}, 2);
+  EXPECT_EQ(made.report.straight, kColumns);
+  EXPECT_EQ(made.report.held, kColumns);
 }
 
 TEST(Curve, SpeaksOfOneSurfaceAndOneNode) {

@@ -1,0 +1,161 @@
+"""Plane meshes and their CAD profiles: aerofoils with layers, from one command. Skipped, with a word, without Gmsh's Python
+module or without the plugin that reads CAD files."""
+import json
+import subprocess
+import sys
+import unittest
+from pathlib import Path
+
+from curve_test import certified
+from geometry_test import distances, gmsh_python
+from programs import VARIMESH, WithFolder, run
+
+# An aerofoil of four digits in a circle, and a straight mesh around it with layers at the wall. `what` is what the model
+# has: a face, or only its edges.
+FOIL = """
+import sys, math, gmsh
+model, mesh, digits, end, what, quads = sys.argv[1:]
+m, p, t, blunt = int(digits[0]) / 100, int(digits[1]) / 10, int(digits[2:]) / 100, end == "blunt"
+def point(x, side):
+    y = 5 * t * (.2969 * math.sqrt(x) - .126 * x - .3516 * x**2 + .2843 * x**3 - (.1015 if blunt else .1036) * x**4)
+    c = d = 0
+    if m:
+        c = m / p**2 * (2 * p * x - x * x) if x < p else m / (1 - p)**2 * (1 - 2 * p + 2 * p * x - x * x)
+        d = 2 * m * (p - x) / (p**2 if x < p else (1 - p)**2)
+    a = math.atan(d)
+    y = 0 if x == 1 and not blunt else y
+    return x - side * y * math.sin(a), c + side * y * math.cos(a), 0
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+occ = gmsh.model.occ
+n = 40
+xs = [.5 * (1 - math.cos(math.pi * i / n)) for i in range(1, n)]
+nose = occ.addPoint(0, 0, 0)
+ends = [occ.addPoint(*point(1, side)) for side in ((1, -1) if blunt else (1,))]
+wall = [occ.addSpline([nose] + [occ.addPoint(*point(x, 1)) for x in xs] + [ends[0]]),
+        occ.addSpline([nose] + [occ.addPoint(*point(x, -1)) for x in xs] + [ends[-1]])]
+if blunt: wall.append(occ.addLine(*ends))
+foil = occ.addCurveLoop([wall[0]] + wall[2:] + [-wall[1]])
+far = occ.addCircle(.5, 0, 0, 3)
+occ.synchronize()
+if what == "edges": gmsh.write(model)
+occ.addPlaneSurface([occ.addCurveLoop([far]), foil])
+occ.synchronize()
+if what == "face": gmsh.write(model)
+field = gmsh.model.mesh.field
+layers = field.add("BoundaryLayer")
+field.setNumbers(layers, "CurvesList", wall)
+field.setNumbers(layers, "FanPointsList", ends)
+for key, value in {"Size": 5e-4, "Ratio": 1.5, "Thickness": .02, "Quads": int(quads == "quads")}.items():
+    field.setNumber(layers, key, value)
+field.setAsBoundaryLayer(layers)
+for curve in wall[:2]: gmsh.model.mesh.setTransfiniteCurve(curve, 37, "Bump", .2)
+gmsh.option.setNumber("Mesh.MeshSizeMax", .8)
+gmsh.option.setNumber("Mesh.SaveAll", 1)
+gmsh.model.mesh.generate(2)
+gmsh.write(mesh)
+"""
+
+# By mesh, the distances of nodes from the wall: of all vertices of the first mesh, in both.
+DISTANCES = """
+import json, sys, gmsh, numpy
+model, *meshes = sys.argv[1:]
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+places = []
+for mesh in meshes:
+    gmsh.open(mesh)
+    numbers, x, _ = gmsh.model.mesh.getNodes()
+    places.append(dict(zip(map(int, numbers), numpy.reshape(x, (-1, 3)))))
+    gmsh.clear()
+gmsh.model.occ.importShapes(model, False)
+gmsh.model.occ.synchronize()
+wall = [tag for dim, tag in gmsh.model.getEntities(1) if gmsh.model.getBoundingBox(dim, tag)[3] < 1.5]
+numbers = [number for number in places[0] if number in places[1]]
+result = []
+for of in places:
+    x = numpy.array([of[number] for number in numbers])
+    feet = [numpy.reshape(gmsh.model.getClosestPoint(1, tag, numpy.ravel(x))[0], (-1, 3)) for tag in wall]
+    result.append(numpy.min([numpy.linalg.norm(foot - x, axis=1) for foot in feet], axis=0).tolist())
+print(json.dumps(result))
+"""
+
+# Digits, trailing edge, format of the model, what it has, and the elements of the layers.
+FOILS = [("0012", "sharp", "step", "edges", "quads"), ("0012", "blunt", "step", "edges", "triangles"),
+         ("2412", "sharp", "brep", "face", "quads"), ("2412", "blunt", "step", "face", "triangles"),
+         ("4415", "sharp", "step", "face", "triangles"), ("4415", "blunt", "brep", "edges", "quads")]
+
+TURNED_DISC = """
+import sys, gmsh
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+occ = gmsh.model.occ
+occ.cut([(2, occ.addDisk(0, 0, 0, 2, 1))], [(2, occ.addDisk(.3, 0, 0, .4, .4))])
+occ.rotate(occ.getEntities(2), 0, 0, 0, 1, 2, 3, float(sys.argv[2]))
+occ.synchronize()
+gmsh.write(sys.argv[1])
+"""
+
+
+def python(script, *arguments):
+    return subprocess.run([PYTHON, "-c", script, *map(str, arguments)], check=True, capture_output=True, text=True).stdout
+
+
+class Profile(WithFolder):
+    def setUp(self):
+        super().setUp()
+        self.out = self.folder / "out.msh"
+
+    def test_aerofoils_with_layers_are_curved_by_one_command(self):
+        straight = self.folder / "straight.msh"
+        for number, (digits, end, ending, what, elements) in enumerate(FOILS):
+            model = self.folder / f"foil.{ending}"
+            python(FOIL, model, straight, digits, end, what, elements)
+            for order in ((2, 4), (3, 5))[number // 2 % 2]:
+                with self.subTest(foil=digits, end=end, order=order):
+                    done = run("curve", straight, "--geometry", model, "--order", order, "-o", self.out)
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    count, valid = certified(done.stdout)
+                    self.assertEqual(count, valid)
+                    rms_before, rms_after, *_ = distances(done.stderr)
+                    self.assertLessEqual(rms_after, 1.005 * rms_before)  # they are printed with three digits
+                    before, after = map(list, json.loads(python(DISTANCES, model, straight, self.out)))
+                    heights = [(a, b) for a, b in zip(before, after) if 1e-6 < a < 0.01]
+                    self.assertGreater(len(heights), 100)
+                    # At order 2, the objective accuracy changes a few heights where the wall bends most by more.
+                    for a, b in heights if order > 2 else []:
+                        self.assertLess(abs(b / a - 1), 0.05)
+                    self.assertLess(max(b for a, b in zip(before, after) if a <= 1e-9), 1e-9)
+
+    def test_a_planar_face_is_meshed_in_any_plane(self):
+        for angle in (0, 0.7):
+            model = self.folder / "disc.step"
+            python(TURNED_DISC, model, angle)
+            done = run("mesh", model, "--size", 0.4, "--per-turn", 12, "--order", 3, "-o", self.out)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("2-D mesh of order 3", done.stdout)
+            self.assertNotIn("stay", done.stderr)
+            count, valid = certified(done.stdout)
+            self.assertEqual(count, valid)
+            self.assertLess(distances(done.stderr)[3], 1e-3)
+            slid = self.folder / "slid.msh"
+            done = run("optimise", self.out, "--geometry", model, "-o", slid)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("2 curves lie in the plane of the mesh", done.stderr)
+
+    def test_a_profile_of_another_plane_is_refused(self):
+        flat, turned = self.folder / "flat.step", self.folder / "turned.step"
+        python(TURNED_DISC, flat, 0)
+        python(TURNED_DISC, turned, 0.7)
+        self.assertEqual(run("mesh", flat, "--size", 0.4, "--order", 2, "-o", self.out).returncode, 0)
+        done = run("optimise", self.out, "--geometry", turned, "-o", self.folder / "slid.msh")
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("No curve of the geometry lies in the plane of the mesh", done.stderr)
+
+
+if __name__ == "__main__":
+    PYTHON = gmsh_python()
+    if PYTHON is None or not (Path(VARIMESH).parent / "libvarimesh_opencascade.so").exists():
+        print("skipped: there is no Python module gmsh, or VariMesh was built without OpenCASCADE")
+        sys.exit(77)
+    unittest.main(verbosity=2)
