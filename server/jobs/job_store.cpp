@@ -197,7 +197,7 @@ Answer<Changed> JobStore::remove(const std::string& name) {
 
 // ===== calls of workers =====
 
-Answer<std::optional<Claimed>> JobStore::claim(const std::string& worker) {
+Answer<std::optional<Claimed>> JobStore::claim(const std::string& worker, bool only_first) {
   using Result = std::optional<Claimed>;
   // The queue is usually empty, and then no transaction is needed.
   const auto waits = read_jobs(*database_, [](Sql& sql) -> Answer<bool> {
@@ -207,7 +207,7 @@ Answer<std::optional<Claimed>> JobStore::claim(const std::string& worker) {
   if (!*waits) return Result();
   return write(*database_, [&](JobWork& work) -> Answer<Result> {
     Sql& sql = work.sql;
-    const int most = settings_.max_running_of_peer;
+    const int most = only_first ? 1 : settings_.max_running_of_peer;
     // Two workers that count at the same time would both take the last place of a peer.
     if (most > 0) sql.ask(sql.dialect().lock_claims);
     for (const std::string& peer : peers_in_turn(sql, most)) {

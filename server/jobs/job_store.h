@@ -191,7 +191,8 @@ class JobStore {
   /// that already have as many running as they may have. Peers take turns, so that nobody waits for all jobs of
   /// somebody else: the next peer is the one with the fewest running jobs, and among equals the one whose last turn was
   /// longest ago. The jobs of each peer come in the order of turn_of().
-  Answer<std::optional<Claimed>> claim(const std::string& worker);
+  /// `only_first`: only of a peer none of whose jobs runs.
+  Answer<std::optional<Claimed>> claim(const std::string& worker, bool only_first = false);
   /// Renews the lease. Returns true if the job is to be cancelled.
   Answer<bool> renew_lease(const Claim& claim);
   /// Records the newest iteration for watchers that connect later. Called at most twice per second and job.

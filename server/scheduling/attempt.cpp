@@ -225,7 +225,7 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   Outputs outputs(attempt.meshes, room);
   const auto given_up = [&] { return attempt.stopping() && !attempt.cancelled(); };
   const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
-  RunMemory memory(attempt.memory, attempt.threads, stop_asked);
+  RunMemory memory(attempt.memory, attempt.claim.owner, attempt.threads, stop_asked);
   RunHooks hooks;
   hooks.on_work = [&](const v1::Work& work) { attempt.log.set_work(work); };
   WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });

@@ -195,13 +195,17 @@ void Scheduler::forget(const Changed& removed) {
 // ===== running =====
 
 std::shared_ptr<Scheduler::Running> Scheduler::claim() {
+  bool only_first = false;
   {
     std::lock_guard lock(mutex_);
-    if (stopping_ || static_cast<int>(running_.size()) + claiming_ >= settings_.threads) return nullptr;
+    // A job that waits for memory has no thread. Who has such jobs gets no others in their places.
+    const int claimed = static_cast<int>(running_.size()) + claiming_;
+    only_first = claimed >= settings_.threads;
+    if (stopping_ || claimed - resting_ >= settings_.threads) return nullptr;
     ++claiming_;
     ++inside_;
   }
-  auto claimed = jobs_->claim(settings_.worker);
+  auto claimed = jobs_->claim(settings_.worker, only_first);
   if (!claimed) settings_.log("jobs", "cannot be claimed: " + claimed.error().sentence);
   std::shared_ptr<Running> running;
   if (claimed && *claimed) {
@@ -239,11 +243,12 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
                         .owner = claim.owner,
                         .trace_id = trace_context(claim.trace).trace_id});
   settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
+  const LentThreads lent{threads.now, [&](bool rests) { rest(threads, rests); }};
   Attempt attempt{claim,
                   engine_,
                   *meshes_,
                   *running->log,
-                  threads,
+                  lent,
                   memory_,
                   settings_.clock,
                   settings_.steady,
@@ -292,6 +297,15 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
   std::lock_guard lock(mutex_);
   --inside_;
   ended_.notify_all();
+}
+
+void Scheduler::rest(const LentThreads& threads, bool rests) {
+  threads.rest(rests);
+  {
+    std::lock_guard lock(mutex_);
+    resting_ += rests ? 1 : -1;
+  }
+  if (rests) start_jobs();
 }
 
 bool Scheduler::give_back(const Running& running) {

@@ -133,6 +133,8 @@ class Scheduler {
   std::shared_ptr<Running> claim();
 
   void start_jobs();
+  /// A running job begins, or stops, waiting for memory.
+  void rest(const LentThreads& threads, bool rests);
   void run(const std::shared_ptr<Running>& running, const LentThreads& threads);
   /// Makes the job PENDING again, without the result of its attempt. Returns false if the store fails.
   bool give_back(const Running& running);
@@ -162,6 +164,7 @@ class Scheduler {
   std::condition_variable ended_;
   std::map<std::string, std::shared_ptr<Running>> running_;
   int claiming_ = 0;  ///< Threads that claim a job.
+  int resting_ = 0;   ///< Running jobs that wait for memory.
   int inside_ = 0;    ///< Those, and threads in run() or about to enter it.
   std::atomic<bool> stopping_ = false;
   std::atomic<std::chrono::milliseconds> stop_patience_ = std::chrono::milliseconds(0);  ///< Set before stopping_.

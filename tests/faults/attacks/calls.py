@@ -3,6 +3,7 @@ import contextlib
 import ctypes
 import hashlib
 import random
+import time
 
 import grpc
 from bystander import Owner
@@ -296,4 +297,34 @@ class Work(Row):
         return f"400,000 repeats of an element took {self.took:.1f} s"
 
 
-ROWS = [Memory, Strangers, Ended, Texts, Disk, Downloads, Work]
+class Blanks(Row):
+    """A long small job, and behind it one whose file of blanks wants all memory to be read."""
+
+    name = "memory queue"
+    flags = ("--max-memory-bytes", str(1 << 30), "--max-running-jobs-per-peer", "2")
+    repeats = 1
+
+    def serve(self, attacked):
+        super().serve(attacked)
+        self.blanks = self.mallory.upload(b" " * (130 << 20))
+
+    def attack(self):
+        small = self.mallory.submit(self.mallory.upload(LARGER.read_bytes()), threads=1, **ENDLESS)
+        self.jobs = [small.name, self.mallory.submit(self.blanks).name]
+
+    def settle(self):
+        large = self.mallory.call(self.mallory.jobs.GetJob, service_pb2.GetJobRequest(name=self.jobs[1])).job
+        assert large.state == job_pb2.JOB_STATE_RUNNING, f"the large job is in state {large.state}, so nobody has waited behind it"
+        # The other owner begins a job only when the one before has ended.
+        ann, begun = self.attacked.owner("ann"), time.monotonic()
+        spec = ann.submit(ann.upload(MESH.read_bytes()), threads=1, priority=100)
+        until(lambda: ann.call(ann.jobs.GetJob, service_pb2.GetJobRequest(name=spec.name)).job.state == job_pb2.JOB_STATE_SUCCEEDED, 10,
+              "a small job of another owner has not run within 10 s")
+        ann.close()
+        took = time.monotonic() - begun
+        for name in self.jobs:
+            self.mallory.cancel(name)
+        return f"a small job of another owner took {took:.2f} s beside the large one, which still waits"
+
+
+ROWS = [Blanks, Memory, Strangers, Ended, Texts, Disk, Downloads, Work]

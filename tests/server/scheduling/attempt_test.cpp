@@ -52,6 +52,13 @@ class AttemptTest : public ::testing::Test {
   Claim claim_;
   EventLog log_;
   MemoryBudget memory_{1000};
+  /// Whether so much of it is free.
+  bool others_get(std::int64_t bytes) {
+    MemoryBudget::Share share;
+    const bool taken = memory_.exchange(share, bytes, [] { return true; });
+    memory_.give_back(share, share.bytes);
+    return taken;
+  }
   TimePoint wall_ = TimePoint(std::chrono::hours(1));
   Time now_ = Time(std::chrono::hours(1));
   bool cancelled_ = false, stopping_ = false;
@@ -297,27 +304,24 @@ TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
     EXPECT_NE(refused.error().sentence.find("--max-memory-bytes"), std::string::npos);
     return RunSummary();
   });
-  EXPECT_TRUE(memory_.take(1000, [] { return true; })) << "the memory was given back";
-  memory_.give_back(1000);
+  EXPECT_TRUE(others_get(1000)) << "the memory was given back";
 }
 
 TEST_F(AttemptTest, TakesTheMemoryForReadingBeforeTheMeshIsRead) {
   run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_TRUE(hooks.admit_reading(200, 800).value_or(false));
-    EXPECT_FALSE(memory_.take(201, [] { return true; })) << "it is taken";
+    EXPECT_FALSE(others_get(201)) << "it is taken";
     EXPECT_TRUE(hooks.admit(300).value_or(false));
-    EXPECT_FALSE(memory_.take(701, [] { return true; }));
-    EXPECT_TRUE(memory_.take(700, [] { return true; })) << "what is not needed any more was given back";
-    memory_.give_back(700);
+    EXPECT_FALSE(others_get(701));
+    EXPECT_TRUE(others_get(700)) << "what is not needed any more was given back";
     return RunSummary();
   });
   run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_TRUE(hooks.admit_reading(200, 5000).value_or(false)) << "it gets all that there is";
-    EXPECT_FALSE(memory_.take(1, [] { return true; }));
+    EXPECT_FALSE(others_get(1));
     return RunSummary();
   });
-  EXPECT_TRUE(memory_.take(1000, [] { return true; }));
-  memory_.give_back(1000);
+  EXPECT_TRUE(others_get(1000));
 }
 
 TEST_F(AttemptTest, SavesCheckpointsAlthoughTheClockIsSetBack) {
