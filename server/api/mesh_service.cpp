@@ -240,6 +240,7 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::download(Call* 
             *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
             if (!ended->ok()) return Pull::End;
             state->reader = std::move(*reader);
+            state->check->reset();  // it has the file open too
           }
           auto piece = state->reader->read(offset, state->request.encoding() == v1::ENCODING_ZSTD);
           if (!piece) *ended = status(piece.error());

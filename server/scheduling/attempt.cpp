@@ -28,9 +28,11 @@ Ending failed(const Failure& failure) {
                       failure.sentence});
 }
 
-/// The store has not taken what a run leaves. If it may do so later, the run goes on from its checkpoint then.
-Ending not_stored(const Failure& failure) {
+/// The store has not taken what a run leaves. If it may do so later, the run goes on from its checkpoint then, after a
+/// pause: the disk would be as full at once.
+Ending not_stored(Room& room, const Failure& failure) {
   if (!Room::may_pass(failure)) return failed(failure);
+  room.wait();
   Ending ending;
   ending.state = v1::JOB_STATE_PENDING;
   return ending;
@@ -266,7 +268,7 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   RunRequest request = request_of(attempt, std::move(*input), *options);
   request.cad_file = std::move(*cad_file);
   auto outcome = attempt.engine.run(std::move(request), hooks);
-  if (outputs.failure()) return not_stored(*outputs.failure());
+  if (outputs.failure()) return not_stored(room, *outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;
   if (!outcome->lost.empty()) {
@@ -279,9 +281,9 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
     return ending;
   }
   outputs.close();
-  if (outputs.failure()) return not_stored(*outputs.failure());
+  if (outputs.failure()) return not_stored(room, *outputs.failure());
   const auto history = store_history(attempt.meshes, room, outcome->history);
-  if (!history) return not_stored(history.error());
+  if (!history) return not_stored(room, history.error());
 
   // The result of a cancelled job is the best mesh so far.
   ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;

@@ -165,6 +165,7 @@ TEST_F(FullDisk, LeavesAJobToTheNextServer) {
 TEST_F(FullDisk, HasTheRunRepeatedIfTheSystemCannotWriteWhatItHasTaken) {
   store_.refuses_commits = true;
   EXPECT_EQ(run().state, v1::JOB_STATE_PENDING);
+  EXPECT_EQ(log_.last_sequence(), 1) << "it says that it waits, instead of starting again at once";
   EXPECT_FALSE(meshes_->open(sha256("a result")));
 }
 
