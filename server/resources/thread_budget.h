@@ -1,7 +1,9 @@
 // The threads of the machine, shared by the running jobs.
 #pragma once
 
+#include <condition_variable>
 #include <functional>
+#include <mutex>
 
 #include "server/resources/pool.h"
 #include "server/resources/thread_shares.h"
@@ -17,12 +19,20 @@ class ThreadBudget {
 
   int threads() const { return threads_; }
   /// Runs `job` with at most `threads` threads and returns at once. The job must not throw, and asks regularly how many
-  /// threads it has. At most threads() jobs run at a time; others wait.
+  /// threads it has. At most threads() jobs run at a time, beside as many that rest; others wait.
   void launch(int threads, std::function<void(const LentThreads& threads)> job);
 
  private:
+  /// Waits until fewer jobs are at work than there are threads.
+  void begin();
+  /// So many more jobs are at work.
+  void count(int jobs);
+
   int threads_;
   ThreadShares shares_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  int at_work_ = 0;
   Pool pool_;  ///< The last member, so that its threads are joined before the others are destroyed.
 };
 

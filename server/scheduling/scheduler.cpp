@@ -201,7 +201,7 @@ std::shared_ptr<Scheduler::Running> Scheduler::claim() {
     // A job that waits for memory has no thread. Who has such jobs gets no others in their places.
     const int claimed = static_cast<int>(running_.size()) + claiming_;
     only_first = claimed >= settings_.threads;
-    if (stopping_ || claimed - resting_ >= settings_.threads) return nullptr;
+    if (stopping_ || claimed - resting_ >= settings_.threads || claimed >= 2 * settings_.threads) return nullptr;
     ++claiming_;
     ++inside_;
   }
