@@ -1,6 +1,8 @@
 // Sets up spdlog and passes the messages of gRPC to it.
 #include "server/log/log.h"
 
+#include <google/protobuf/stubs/common.h>
+#include <google/protobuf/stubs/logging.h>
 #include <grpc/support/log.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -93,6 +95,10 @@ Expected<void> start_log(const std::string& level, const std::string& format) {
   logger->flush_on(spdlog::level::trace);
   spdlog::set_default_logger(std::move(logger));
   gpr_set_log_function(log_grpc);
+#if GOOGLE_PROTOBUF_VERSION < 4022000
+  // The parser writes a line for each text that is not UTF-8, in no format and without a limit. The call says it too.
+  google::protobuf::SetLogHandler(nullptr);
+#endif
   return {};
 }
 

@@ -177,6 +177,8 @@ class Texts(Row):
                 self.mallory.submit(digest, labels=labels, max_iterations=0)
             except grpc.RpcError as error:
                 assert len(error.details().encode()) <= 1024 and error.details().isprintable(), repr(error.details()[:200])
+        get = self.mallory.channel.unary_unary("/varimesh.v1.JobService/GetJob")
+        self.refused(lambda: self.mallory.call(get, b"\x0a\x04\xff\xfe\xfd\xfc"), grpc.StatusCode.INVALID_ARGUMENT)  # no UTF-8
         self.refused(lambda: self.mallory.wait("jobs/" + self.EVIL * 1000), grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.NOT_FOUND)
 
     def settle(self):
@@ -186,6 +188,7 @@ class Texts(Row):
         forged = [line for text in (done.stdout, self.attacked.log()) for line in text.splitlines()
                   if not line.replace("\t", " ").isprintable() or line.startswith("jobs/0 forged") or len(line.encode()) > 2048]
         assert not forged, repr(forged[0][:200])
+        assert "libprotobuf" not in self.attacked.log(), "the parser writes into the log"
         return f"{listed} jobs are listed, no line is forged or long"
 
     def token(self):
