@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
+#include <cstdlib>
 #include <map>
 #include <optional>
 #include <unordered_map>
@@ -109,15 +111,12 @@ std::optional<Kind> kind_of(std::string_view type) {
 class Reading {
  public:
   Reading(std::string_view bytes, const StopToken* stop)
-      : scan_(bytes), allowance_(bytes.size(), stop), builder_(allowance_) {}
+      : bytes_(bytes), scan_(bytes), allowance_(bytes.size(), stop), builder_(allowance_) {}
 
   HighOrderMesh take() {
-    std::string_view line = next_line();
-    while (!line.empty()) {
-      if (line.front() != '*') scan_.fail("a keyword that begins with * was expected");
-      const Keyword keyword(line);
-      line = section(keyword);
-    }
+    read([this](const Keyword& keyword) { return section(keyword); });
+    scan_ = Scanner(bytes_);  // sets and surfaces may come before the elements that they name
+    read([this](const Keyword& keyword) { return section_of_groups(keyword); });
     put_into_groups();
     HighOrderMesh mesh = builder_.take();
     std::vector<std::string> notes;
@@ -129,6 +128,16 @@ class Reading {
   }
 
  private:
+  /// Reads the file with one function for all its sections, which returns the first line of the next section.
+  template <class Section>
+  void read(const Section& of) {
+    std::string_view line = next_line();
+    while (!line.empty()) {
+      if (line.front() != '*') scan_.fail("a keyword that begins with * was expected");
+      line = of(Keyword(line));
+    }
+  }
+
   // === Lines =============================================================================================
 
   /// The next line that is neither empty nor a comment; empty at the end of the file.
@@ -165,6 +174,12 @@ class Reading {
     const auto [stop, error] = std::from_chars(field.data(), field.data() + field.size(), value);
     if (error == std::errc::invalid_argument || stop != field.data() + field.size())
       scan_.fail("a coordinate was expected before the end of this line");
+    if (error != std::errc()) {
+      // Below the smallest number a coordinate is 0; above the largest one it is none.
+      const std::string text(field);
+      value = std::strtod(text.c_str(), nullptr);
+      if (!std::isfinite(value)) scan_.fail("a coordinate is not a finite number");
+    }
     return value;
   }
 
@@ -175,8 +190,8 @@ class Reading {
       scan_.fail("the file takes *" + keyword.name.substr(0, 40) + " from another file; put its lines into this one");
     if (keyword.name == "NODE") return nodes(keyword);
     if (keyword.name == "ELEMENT") return elements(keyword);
-    if (keyword.name == "ELSET") return set(keyword);
-    if (keyword.name == "SURFACE") return surface(keyword);
+    if (keyword.name == "SYSTEM")
+      scan_.fail("*SYSTEM moves the nodes that follow; write the mesh with the coordinates of the whole model");
     if (keyword.name == "INCLUDE") scan_.fail("the file includes another one; put its lines into this one");
     if (keyword.name == "PART" && ++parts_ > 1)
       scan_.fail("it has several parts; write it without parts, so that numbers are those of the whole model");
@@ -187,6 +202,12 @@ class Reading {
     if (keyword.name == "NGEN" || keyword.name == "NFILL" || keyword.name == "ELGEN" || keyword.name == "NCOPY" ||
         keyword.name == "ELCOPY")
       scan_.fail("*" + keyword.name + " generates nodes or elements; write the mesh with all of them listed");
+    return for_data([](std::string_view) {});
+  }
+
+  std::string_view section_of_groups(const Keyword& keyword) {
+    if (keyword.name == "ELSET") return set(keyword);
+    if (keyword.name == "SURFACE") return surface(keyword);
     return for_data([](std::string_view) {});
   }
 
@@ -321,6 +342,7 @@ class Reading {
     }
   }
 
+  std::string_view bytes_;
   Scanner scan_;
   FileAllowance allowance_;
   MeshBuilder builder_;

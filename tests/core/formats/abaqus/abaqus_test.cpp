@@ -70,10 +70,10 @@ const std::string kCube =
     "*ELEMENT, TYPE=C3D8\n1, 1, 2, 3, 4, 5, 6, 7, 8\n2, 2, 9, 10, 3, 6, 11, 12, 7\n";
 
 TEST(Abaqus, SetsAndSurfacesBecomeGroups) {
-  const std::string text = kCube +
-                           "*ELSET, ELSET=both, GENERATE\n1, 2, 1\n*ELSET, ELSET=right\n2.0,\n*ELSET, ELSET=all\nboth\n" +
-                           "*SURFACE, NAME=Bottom, TYPE=ELEMENT\nboth, S1\n*SURFACE, NAME=Inner\n1, S4\n2, S6\n" +
-                           "*ELEMENT, TYPE=SPRINGA, ELSET=s\n7, 1, 2\n*STEP\n*STATIC\n1., 1.\n*END STEP\n";
+  const std::string text =
+      kCube + "*ELSET, ELSET=both, GENERATE\n1, 2, 1\n*ELSET, ELSET=right\n2.0,\n*ELSET, ELSET=all\nboth\n" +
+      "*SURFACE, NAME=Bottom, TYPE=ELEMENT\nboth, S1\n*SURFACE, NAME=Inner\n1, S4\n2, S6\n" +
+      "*ELEMENT, TYPE=SPRINGA, ELSET=s\n7, 1, 2\n*STEP\n*STATIC\n1., 1.\n*END STEP\n";
   const HighOrderMesh mesh = testing::read_back(text);
   const auto tagged = [&](const std::string& name, int dimension) {
     std::size_t count = 0;
@@ -93,6 +93,19 @@ TEST(Abaqus, SetsAndSurfacesBecomeGroups) {
   const auto notes = formats::reading_notes(mesh);
   ASSERT_EQ(notes.size(), 1U);
   EXPECT_EQ(notes[0], "1 element of type SPRINGA was left out, because VariMesh does not read this type.");
+}
+
+/// Sets and surfaces may name elements that come after them.
+TEST(Abaqus, SetsAndSurfacesMayComeFirst) {
+  const std::string groups = "*ELSET, ELSET=Some, GENERATE\n1, 1\n*SURFACE, NAME=Wall\nSome, S1\n1, S3\n";
+  const auto first = formats::read("*HEADING\nx\n" + groups + kCube), last = formats::read(kCube + groups);
+  ASSERT_TRUE(first && last);
+  EXPECT_EQ(first->mesh.blocks.size(), last->mesh.blocks.size());
+  std::size_t faces = 0;
+  for (const ElementBlock& block : first->mesh.blocks)
+    faces += reference::info(block.shape).dimension == 2 ? block.size() : 0;
+  EXPECT_EQ(faces, 2U);
+  EXPECT_EQ(first->mesh.physical_groups.size(), last->mesh.physical_groups.size());
 }
 
 TEST(Abaqus, SerendipityElementsAreCompleted) {
@@ -124,6 +137,8 @@ TEST(Abaqus, BadFilesAreRefused) {
   EXPECT_SAYS(kCube + "*ELEMENT, TYPE=C3D4\n3, 1, 2, 3\n*STEP\n", "element 3 has fewer nodes than its type C3D4 has");
   EXPECT_SAYS(kCube + "*ELEMENT, TYPE=C3D4\n3, 1, 2, 3, 4, 5\n", "element 3 has more nodes");
   EXPECT_SAYS(kCube + "*NODE\n20, 1, 1, nan\n", "node 20 has a coordinate that is not a finite number");
+  EXPECT_SAYS(kCube + "*NODE\n20, 1e400, 1, 1\n", "a coordinate is not a finite number");
+  EXPECT_SAYS("*HEADING\nx\n*SYSTEM\n10, 0, 0\n" + kCube, "*SYSTEM moves the nodes that follow");
   EXPECT_SAYS(kCube + "*NODE\n20, 1, x\n", "a coordinate was expected before the end of this line");
   EXPECT_SAYS(kCube + "*SURFACE, NAME=a\n1, S9\n*SURFACE, NAME=b\n1, S7\n*NODE\n-1, 0, 0\n", "numbers begin with 1");
   EXPECT_SAYS("*PART, NAME=a\n" + kCube + "*END PART\n*PART, NAME=b\n", "it has several parts");
