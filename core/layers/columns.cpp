@@ -235,23 +235,32 @@ Rise next_of(const HighOrderMesh& mesh, const Neighbours& neighbours, const std:
   return next;
 }
 
-/// Whether the cells above the foot of a column are layers of another wall: the second one is lower than the first one,
-/// and the edges that point on lead to the foot of a column whose first cell is lower than both.
-bool goes_down(const HighOrderMesh& mesh, const Neighbours& neighbours, const Columns& columns, std::size_t column,
-               Vector direction) {
-  std::vector<std::int32_t> way{columns.vertices[column].front()};
-  double first = 0;
-  for (;;) {
-    const Rise next = next_of(mesh, neighbours, way, direction, columns.size[column],
-                              [&](std::int32_t to) { return std::ranges::find(way, to) == way.end(); });
-    if (next.to < 0) return false;
-    direction = (point(mesh, next.to) - point(mesh, way.back())).normalized();
-    way.push_back(next.to);
-    const double height = last_height(mesh, way);
-    if (way.size() == 2) first = height;
-    if (way.size() == 3 && height >= kShrinks * first) return false;
-    if (columns.column_of[at(next.to)] >= 0) return way.size() > 2 && height < kShrinks * first;
+/// Whether the cells above the feet of columns are layers of another wall, by column: the second cell is lower than the
+/// first one, and the edges that point on lead to the foot of another column, whose first cell is lower than the first.
+std::vector<char> that_go_down(const HighOrderMesh& mesh, const Neighbours& neighbours, const Columns& columns,
+                               std::vector<Vector> directions) {
+  std::vector<char> down(columns.vertices.size(), 0);
+  std::vector<std::int32_t> seen(mesh.node_count(), -1);  // by which column last
+  for (std::size_t column = 0; column < down.size(); ++column) {
+    const auto self = static_cast<std::int32_t>(column);
+    std::vector<std::int32_t> way{columns.vertices[column].front()};
+    seen[at(way[0])] = self;
+    for (double first = 0;;) {
+      const Rise next = next_of(mesh, neighbours, way, directions[column], columns.size[column],
+                                [&](std::int32_t to) { return seen[at(to)] != self; });
+      if (next.to < 0) break;
+      seen[at(next.to)] = self;
+      directions[column] = (point(mesh, next.to) - point(mesh, way.back())).normalized();
+      way.push_back(next.to);
+      const double height = last_height(mesh, way);
+      if (way.size() == 2) first = height;
+      if (way.size() == 3 && height >= kShrinks * first) break;
+      if (columns.column_of[at(next.to)] < 0) continue;
+      down[column] = way.size() > 2 && height < kShrinks * first ? 1 : 0;
+      break;
+    }
   }
+  return down;
 }
 
 /// Raises all columns that still rise by one level. Returns whether one has risen. If two columns want the same vertex,
@@ -290,16 +299,15 @@ bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<
 /// Drops the facets above which the cells are layers of another wall, and all columns. Returns whether there were some.
 bool leave_walls_of_others(const HighOrderMesh& mesh, const Neighbours& neighbours,
                            const std::vector<Vector>& directions, Columns& columns) {
+  const std::vector<char> down = that_go_down(mesh, neighbours, columns, directions);
+  if (std::ranges::count(down, 1) == 0) return false;
   std::vector<WallFacet> kept;
-  for (const WallFacet& facet : columns.facets) {
-    bool leaves = false;
-    for (int v = 0; v < reference::info(facet.shape).vertices && !leaves; ++v) {
-      const std::size_t column = at(columns.column_of[at(facet.nodes[at(v)])]);
-      leaves = goes_down(mesh, neighbours, columns, column, directions[column]);
-    }
-    if (!leaves) kept.push_back(facet);
+  for (WallFacet& facet : columns.facets) {
+    const auto vertices = std::span(facet.nodes).first(at(reference::info(facet.shape).vertices));
+    if (std::ranges::none_of(vertices,
+                             [&](std::int32_t vertex) { return down[at(columns.column_of[at(vertex)])] != 0; }))
+      kept.push_back(std::move(facet));
   }
-  if (kept.size() == columns.facets.size()) return false;
   columns = {};
   columns.facets = std::move(kept);
   return true;

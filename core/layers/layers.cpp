@@ -54,7 +54,8 @@ class Start {
   LayerStart run() {
     choose();
     place();
-    while (take_back()) continue;
+    note_touched_cells();
+    for (std::vector<std::int32_t> suspects = touched_; !suspects.empty();) suspects = take_back(suspects);
     return outcome();
   }
 
@@ -114,35 +115,45 @@ class Start {
     certifier_.certify(coordinates_, touched_, after_, team_);
   }
 
-  /// Cells that lost their certificate, and placed cells that are not valid, get their nodes back. Returns whether a
-  /// node moved.
-  bool take_back() {
-    std::vector<char> back(mesh_.node_count(), 0);
-    const auto take = [&](std::span<const std::int32_t> of) {
-      for (const std::int32_t node : of) back[at(node)] = 1;
-    };
-    for (const std::int32_t cell : touched_)
-      if (before_[at(cell)].is_valid() && !after_[at(cell)].is_valid()) take(cells_.nodes(at(cell)));
-    for (std::size_t i = 0; i < kinds_.size(); ++i)
-      if (kinds_[i] == Kind::Placed && !after_[at(placement_.cells[i].cell)].is_valid()) {
-        kinds_[i] = Kind::Left;
-        take(nodes(placement_.cells[i]));
-      }
-    std::vector<std::int32_t> moved;
-    for (const std::int32_t node : placement_.nodes) {
-      const std::size_t k = 3 * at(node);
-      if (back[at(node)] == 0 || std::equal(&coordinates_[k], &coordinates_[k] + 3, &mesh_.coordinates[k])) continue;
-      std::copy_n(&mesh_.coordinates[k], 3, &coordinates_[k]);
-      moved.push_back(node);
-    }
-    if (moved.empty()) return false;
+  /// Cells that lost their certificate, and placed cells that are not valid, get their nodes back. `suspects`: cells
+  /// whose nodes have moved since they were looked at. Returns the cells of the nodes that moved back.
+  std::vector<std::int32_t> take_back(const std::vector<std::int32_t>& suspects) {
     std::vector<std::int32_t> again;
+    for (const std::int32_t cell : suspects) {
+      if (after_[at(cell)].is_valid()) continue;
+      bool takes = before_[at(cell)].is_valid();
+      if (const std::int32_t i = in_placement_[at(cell)]; i >= 0 && kinds_[at(i)] == Kind::Placed) {
+        kinds_[at(i)] = Kind::Left;
+        takes = true;
+      }
+      if (!takes) continue;
+      for (const std::int32_t node : cells_.nodes(at(cell))) {
+        const std::size_t k = 3 * at(node);
+        if (std::equal(&coordinates_[k], &coordinates_[k] + 3, &mesh_.coordinates[k])) continue;
+        std::copy_n(&mesh_.coordinates[k], 3, &coordinates_[k]);
+        again.insert(again.end(), touched_at_.begin() + first_touched_[at(node)],
+                     touched_at_.begin() + first_touched_[at(node) + 1]);
+      }
+    }
+    std::ranges::sort(again);
+    again.erase(std::ranges::unique(again).begin(), again.end());
+    if (!again.empty()) certifier_.certify(coordinates_, again, after_, team_);
+    return again;
+  }
+
+  /// Lists the touched cells by their nodes, and where cells are in the placement.
+  void note_touched_cells() {
+    first_touched_.assign(mesh_.node_count() + 1, 0);
     for (const std::int32_t cell : touched_)
-      if (std::ranges::any_of(cells_.nodes(at(cell)),
-                              [&](std::int32_t node) { return std::ranges::binary_search(moved, node); }))
-        again.push_back(cell);
-    certifier_.certify(coordinates_, again, after_, team_);
-    return true;
+      for (const std::int32_t node : cells_.nodes(at(cell))) ++first_touched_[at(node) + 1];
+    std::partial_sum(first_touched_.begin(), first_touched_.end(), first_touched_.begin());
+    touched_at_.resize(at(first_touched_.back()));
+    std::vector<std::int32_t> next(first_touched_.begin(), first_touched_.end() - 1);
+    for (const std::int32_t cell : touched_)
+      for (const std::int32_t node : cells_.nodes(at(cell))) touched_at_[at(next[at(node)]++)] = cell;
+    in_placement_.assign(cells_.count(), -1);
+    for (std::size_t i = 0; i < kinds_.size(); ++i)
+      in_placement_[at(placement_.cells[i].cell)] = static_cast<std::int32_t>(i);
   }
 
   LayerStart outcome() {
@@ -180,8 +191,10 @@ class Start {
   const Cells cells_;
   std::vector<double> coordinates_;
   std::vector<Certificate> after_;
-  std::vector<Kind> kinds_;            ///< By cell of the placement.
-  std::vector<std::int32_t> touched_;  ///< Cells with a node that may have moved.
+  std::vector<Kind> kinds_;                               ///< By cell of the placement.
+  std::vector<std::int32_t> touched_;                     ///< Cells with a node that may have moved.
+  std::vector<std::int32_t> first_touched_, touched_at_;  ///< By node: those of them that have it.
+  std::vector<std::int32_t> in_placement_;                ///< By cell: where it is in the placement; −1: nowhere.
 };
 
 }  // namespace
