@@ -6,7 +6,7 @@ import signal
 import unittest
 from pathlib import Path
 
-from programs import CASES, ENDLESS, MESH, VARIMESH, Server, WithFolder, run, start, wait_for_line
+from programs import CASES, ENDLESS, VARIMESH, Server, WithFolder, run, start, wait_for_line
 
 BRACKET, MODEL = CASES / "geometry" / "bracket_p3.msh", CASES / "geometry" / "bracket.brep"
 PLUGIN = Path(VARIMESH).parent / "libvarimesh_opencascade.so"
@@ -152,7 +152,6 @@ class OnAServer(Geometry):
             self.assertEqual(done.stderr.splitlines()[-1], alone.stderr.splitlines()[-1])
         for files, flags, status, sentence in (
                 ({"model": self.folder / "none.step"}, [], 3, "none.step' cannot be read"),
-                ({"mesh": MESH}, [], 3, f"'{MESH}': Boundary nodes slide, and elements are curved, in meshes of volume elements"),
                 ({}, ["--fix", "no"], 2, "'no'"),
                 ({}, ["--order", 4], 2, "--order")):
             done = self.remote(*flags, **files)

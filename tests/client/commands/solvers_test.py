@@ -90,7 +90,7 @@ class Published(WithFolder):
 
     # What cannot be written, and how the sentence begins that refuses a file.
     READ_ONLY = {"horses3d__CubeWithSphere5.mesh": ".msh", "startupdg.jl__MSMappedHex4P4.mesh": ".msh"}
-    REFUSED = {"mfem__cylinder-tet-p2.gen": "The file is a NetCDF file, such as Exodus; convert it"}
+    REFUSED = {"mfem__cylinder-tet-p2.gen": "The file is a NetCDF file of the old kind, such as Exodus; write it in HDF5"}
 
     def test_files_go_out_as_they_came(self):
         seen = 0
