@@ -92,9 +92,18 @@ Expected<void> repair(const Repairs& repairs, formats::MeshFile& file,
   return {};
 }
 
+std::string fitting_orders_text(const formats::MeshFile& file) {
+  const std::vector<std::string> fitting = formats::fitting_node_orders(file.mesh, file.format);
+  if (fitting.empty()) return {};
+  std::string names;
+  for (std::size_t i = 0; i < fitting.size(); ++i)
+    names += (i == 0 ? "" : i + 1 == fitting.size() ? " and " : ", ") + fitting[i];
+  return "The elements fit together if their nodes are in the order of " + names + "; give --node-order " + fitting[0] +
+         ".";
+}
+
 Error with_fitting_orders(Error error, const formats::MeshFile& file) {
-  if (const std::string fitting = formats::fitting_node_orders(file.mesh, file.format); !fitting.empty())
-    error.sentence += " " + fitting;
+  if (const std::string fitting = fitting_orders_text(file); !fitting.empty()) error.sentence += " " + fitting;
   return error;
 }
 

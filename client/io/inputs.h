@@ -30,7 +30,10 @@ void add_repair_flags(Command command, Repairs* repairs);
 Expected<void> repair(const Repairs& repairs, formats::MeshFile& file,
                       const std::function<void(const std::string&)>& on_sentence);
 
-/// Adds to the error of a mesh in which elements do not fit together in which order of nodes they do, if there is one.
+/// A sentence that names the orders of nodes in which the elements of a mesh fit together, if they do not in Gmsh's
+/// order. Empty if there is none.
+std::string fitting_orders_text(const formats::MeshFile& file);
+/// The error of a mesh whose elements do not fit together, with fitting_orders_text() at the end of its sentence.
 Error with_fitting_orders(Error error, const formats::MeshFile& file);
 
 /// Paths of the files that make up an input.

@@ -87,7 +87,7 @@ void say_fitting_orders(const OptimiseArguments& arguments, const v1::Job& ended
   std::error_code failed;
   if (ended.error().reason() != "BAD_INPUT" || !std::filesystem::is_regular_file(arguments.input.mesh, failed)) return;
   const auto file = read_moved(arguments.input);
-  const std::string fitting = file ? formats::fitting_node_orders(file->mesh, file->format) : "";
+  const std::string fitting = file ? fitting_orders_text(*file) : "";
   if (!fitting.empty()) std::cerr << "varimesh: " << fitting << std::endl;
 }
 

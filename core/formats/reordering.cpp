@@ -69,7 +69,7 @@ Expected<void> take_node_order(HighOrderMesh& mesh, Format read_as, std::string_
     return bad_option("There is no order of nodes '" + std::string(name) +
                       "'; the orders are gmsh, vtk, cgns, exodus and abaqus.");
   if (!is_msh(read_as))
-    return bad_option("--node-order is for MSH files. The order of the nodes of a file of format " +
+    return bad_option("node_order is for MSH files. The order of the nodes of a file of format " +
                       std::string(format_name(read_as)) + " is known.");
   if (!has_order(mesh, *order)) return bad_option("VTK has no order for pyramids of order 2 and above.");
   std::optional<HighOrderMesh> made = reordered(mesh, *order);
@@ -78,7 +78,7 @@ Expected<void> take_node_order(HighOrderMesh& mesh, Format read_as, std::string_
   return {};
 }
 
-std::string fitting_node_orders(const HighOrderMesh& mesh, Format read_as) {
+std::vector<std::string> fitting_node_orders(const HighOrderMesh& mesh, Format read_as) {
   if (!is_msh(read_as)) return {};
   std::vector<std::string> fitting;
   for (const NodeOrder order : kOrders) {
@@ -86,12 +86,7 @@ std::string fitting_node_orders(const HighOrderMesh& mesh, Format read_as) {
     const std::optional<HighOrderMesh> made = reordered(mesh, order);
     if (made && check_structure(*made)) fitting.emplace_back(name_of(order));
   }
-  if (fitting.empty()) return {};
-  std::string names;
-  for (std::size_t i = 0; i < fitting.size(); ++i)
-    names += (i == 0 ? "" : i + 1 == fitting.size() ? " and " : ", ") + fitting[i];
-  return "The elements fit together if their nodes are in the order of " + names + "; give --node-order " + fitting[0] +
-         ".";
+  return fitting;
 }
 
 }  // namespace varimesh::formats

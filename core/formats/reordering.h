@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/formats/common/format.h"
@@ -15,8 +16,8 @@ namespace varimesh::formats {
 /// if the mesh does not come from an MSH file, whose readers know the order.
 Expected<void> take_node_order(HighOrderMesh& mesh, Format read_as, std::string_view name);
 
-/// One sentence that names the orders in which the elements of a mesh fit together, after check_structure() has found
-/// that they do not in Gmsh's. Empty if there is none.
-std::string fitting_node_orders(const HighOrderMesh& mesh, Format read_as);
+/// The names of the orders of nodes in which the elements of a mesh fit together, after check_structure() has found
+/// that they do not in Gmsh's order.
+std::vector<std::string> fitting_node_orders(const HighOrderMesh& mesh, Format read_as);
 
 }  // namespace varimesh::formats

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <map>
 #include <optional>
-#include <set>
 #include <span>
 
 #include "core/base/index.h"
@@ -98,8 +97,12 @@ class Placer {
     std::erase_if(placement_.cells, [&](const LayerCell& cell) { return !is_whole(cell); });
     space_columns();
     for (const LayerCell& cell : placement_.cells) add(cell);
-    for (LayerCell& cell : placement_.cells) note_fixed_tops(cell);
-    for (LayerCell& cell : placement_.cells) fade(cell);
+    for (const LayerCell& cell : placement_.cells) note_fixed_tops(cell);
+    for (const LayerCell& cell : placement_.cells) fade(cell);
+    for (const auto& [node, shift] : shifts_) {
+      Sum& sum = sums_.at(node);
+      sum.place += sum.count / static_cast<double>(shift.count) * shift.place;
+    }
     for (const auto& [node, sum] : sums_) {
       const Vector normal = sum.normal.normalized();
       placement_.nodes.push_back(node);
@@ -308,16 +311,15 @@ class Placer {
 
   /// Below fixed nodes that are elsewhere, the parallel surfaces of the cell fade to the surface that these nodes are
   /// on.
-  void fade(LayerCell& cell) {
+  void fade(const LayerCell& cell) {
     const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
     for (std::size_t k = 0; k < nodes.size(); ++k) {
       const NodeInLayer node = *in_layer(cell, static_cast<int>(k));
       const auto top = tops_.find(above(cell, node));
-      if (top == tops_.end()) continue;
-      cell.fades = true;
-      if (node.step == 0 || !faded_.insert(nodes[k]).second) continue;
-      Sum& sum = sums_.at(nodes[k]);
-      sum.place += static_cast<double>(sum.count * node.step) / mesh_.order * top->second;
+      if (top == tops_.end() || node.step == 0) continue;
+      Sum& shift = shifts_[nodes[k]];
+      shift.place += static_cast<double>(node.step) / mesh_.order * top->second;
+      ++shift.count;
     }
   }
 
@@ -332,9 +334,9 @@ class Placer {
   std::array<std::optional<Eigen::MatrixXd>, kShapes> weights_;
   std::array<std::optional<FacetTable>, kShapes> tables_;
   std::map<std::int32_t, std::vector<Vector>> normals_;
-  std::map<std::int32_t, Sum> sums_;  ///< By node.
-  std::map<TopNode, Vector> tops_;    ///< Where fixed nodes are, from where they would be.
-  std::set<std::int32_t> faded_;      ///< Nodes that have been moved towards such nodes.
+  std::map<std::int32_t, Sum> sums_;    ///< By node.
+  std::map<TopNode, Vector> tops_;      ///< Where fixed nodes are, from where they would be.
+  std::map<std::int32_t, Sum> shifts_;  ///< By node: how far it is shifted towards such nodes.
   Placement placement_;
 };
 

@@ -16,7 +16,6 @@ struct LayerCell {
   std::int32_t level = 0;   ///< Of its upper vertices; at least 1.
   double height = 0;        ///< The shortest edge of the columns in it, in the unit of length of the mesh.
   double width = 0;         ///< The shortest edge along the wall, at its lower and its upper level.
-  bool fades = false;       ///< Fixed nodes at its top are not on a parallel surface.
 };
 
 /// Where the nodes of layers lie in the mesh as it is, and where they would lie on parallel surfaces.
@@ -37,9 +36,9 @@ struct Placement {
 ///
 /// w being the point on the curved wall. On a circle or a sphere with columns along its normals, that is on a
 /// concentric one. Nodes on columns keep their place, or go to the spacing that is wanted (spacing.h). Where cells
-/// disagree, as on both sides of an edge of the wall, the mean counts. If nodes at the top of a cell are fixed
-/// elsewhere, as on a far boundary with straight sides, the nodes below them are shifted by the share of their level in
-/// the cell of what these nodes are off.
+/// disagree, as on both sides of an edge of the wall, the mean counts. Nodes at the top of a cell may be
+/// fixed away from the parallel surface, as on a far boundary with straight sides. Then each node below such a node is
+/// shifted by a share of its distance from that surface: 0 at the lower level of the cell and 1 at the upper one.
 ///
 /// @param fixed  by node, whether it must stay
 Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing,

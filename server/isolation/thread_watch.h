@@ -23,8 +23,8 @@ class ThreadWatch {
   /// Beside those that compute: the first, the one that listens to the server, and some that are about to end.
   static constexpr int kMore = 10;
 
-  /// Watches a child of this process, in which so many threads compute at most. forget() it before anybody waits for
-  /// its end.
+  /// Watches a child of this process. At most `computing` of its threads compute. Call forget() before anybody waits
+  /// for the child's end.
   void add(pid_t process, int computing);
   void forget(pid_t process);
   /// Whether the process was killed because it had too many.

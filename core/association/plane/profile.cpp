@@ -303,7 +303,7 @@ std::vector<std::string> describe_in_plane(const HighOrderMesh& mesh, const Asso
     sentences.push_back(std::to_string(association.held.size()) +
                         " boundary nodes lie on no curve of the geometry for sure and stay where they are, node " +
                         std::to_string(mesh.node_numbers[index(association.held.front())]) + " among them.");
-  if (off > 0) sentences.push_back(std::to_string(off) + " nodes are off their curves; --snap moves them there.");
+  if (off > 0) sentences.push_back(std::to_string(off) + " nodes are off their curves; snapping moves them there.");
   return sentences;
 }
 

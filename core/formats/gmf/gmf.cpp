@@ -134,7 +134,8 @@ class Numbers {
     if (!binary_) return scan.text_number(what);
     return version == 1 ? double(raw<float>(what)) : raw<double>(what);
   }
-  /// A count of things of so many integers and reals.
+  /// Reads a count of things, and checks that the file has room for them. Each has `integers` integers and `reals`
+  /// reals.
   std::int64_t count(const char* what, std::int64_t integers, std::int64_t reals) {
     const std::int64_t n = integer(what);
     const std::int64_t each =
