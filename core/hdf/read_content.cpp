@@ -12,7 +12,8 @@ MeshFile read_hdf5_content(Hdf5Source& source, FileAllowance& allowance) {
   if (root.find("ElemInfo") != nullptr && root.find("Ngeo", true) != nullptr) return read_hopr(source, allowance);
   if (root.find("CGNSLibraryVersion") != nullptr || root.find(" hdf5version") != nullptr)
     return read_cgns(source, allowance);
-  if (root.find("connect1") != nullptr && (root.find("coordx") != nullptr || root.find("coord") != nullptr))
+  if ((root.find("connect1") != nullptr || root.find("eb_prop1") != nullptr) &&
+      (root.find("coordx") != nullptr || root.find("coord") != nullptr))
     return read_exodus(source, allowance);
   const auto is = [&](const char* what, const char* run) -> MeshFile {
     throw ReadFailure{std::string("The file is ") + what + "; " + run + "."};

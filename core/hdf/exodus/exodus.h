@@ -7,8 +7,9 @@
 
 namespace varimesh::formats {
 
-/// Reads a mesh of orders 1 and 2. Element blocks and side sets become physical groups. Fields and node sets are not
-/// read. Throws ReadFailure.
+/// Reads a mesh of orders 1 and 2. Element blocks and side sets become physical groups, whose tags are their ids; a
+/// side set gets a free tag where a block of the same dimension has its id. Fields and node sets are not read. Throws
+/// ReadFailure.
 MeshFile read_exodus(Hdf5Source& source, FileAllowance& allowance);
 
 }  // namespace varimesh::formats

@@ -2,8 +2,7 @@
 #include <array>
 #include <cctype>
 #include <limits>
-#include <map>
-#include <optional>
+#include <set>
 
 #include "core/formats/common/mesh_builder.h"
 #include "core/formats/numbering/node_order.h"
@@ -71,10 +70,13 @@ class Reading {
     read_nodes();
     const std::vector<std::int64_t> tags = ids("eb_prop1");
     const std::vector<std::string> names = texts("eb_names");
-    for (std::size_t b = 0; root_.find(name("connect", b)) != nullptr; ++b) read_block(b, tags, names);
+    // A block without elements has an id, but no array.
+    for (std::size_t b = 0; b < tags.size() || root_.find(name("connect", b)) != nullptr; ++b)
+      if (root_.find(name("connect", b)) != nullptr) read_block(b, tags, names);
     if (builder_.element_count() == 0) root_.fail("connect1", "is missing, so the file has no elements");
     const std::vector<std::int64_t> set_tags = ids("ss_prop1");
     const std::vector<std::string> set_names = texts("ss_names");
+    side_ids_.insert(set_tags.begin(), set_tags.end());
     for (std::size_t s = 0; s < set_tags.size(); ++s) read_sides(s, set_tags, set_names);
     return builder_.take();
   }
@@ -141,6 +143,7 @@ class Reading {
       builder_.add_node(numbers.empty() ? n + 1 : numbers[std::size_t(n)], at);
     }
     nodes_ = count;
+    dimension_ = dimension;
     node_numbers_ = numbers;
   }
 
@@ -174,10 +177,14 @@ class Reading {
       root_.fail(array,
                  "has elements of type '" + type.substr(0, 32) + "' with " + std::to_string(columns) +
                      " nodes, which VariMesh does not read; write the mesh with complete elements of order 1 or 2");
-    const int own = tag(tags, b);
-    builder_.name_group(reference::info(kind->shape).dimension, own,
+    const int own = tag(tags, b), dimension = reference::info(kind->shape).dimension;
+    allowance_.take(1, kTreeNode);
+    tags_.emplace(dimension, own);
+    builder_.name_group(dimension, own,
                         b < names.size() && !names[b].empty() ? names[b] : "block_" + std::to_string(own));
     const std::vector<int>& place = gmsh_nodes(NodeOrder::Exodus, kind->shape, kind->order);
+    const bool is_shell =
+        type.find("SHELL") != std::string::npos || (kind->shape == Shape::Triangle && dimension_ == 3);
     std::vector<std::int64_t> nodes(static_cast<std::size_t>(columns));
     root_.for_rows<std::int64_t>(
         array, columns, [&](std::int64_t first, std::int64_t rows, const std::int64_t* values) {
@@ -191,7 +198,7 @@ class Reading {
               nodes[std::size_t(place[i])] = node_numbers_.empty() ? node : node_numbers_[std::size_t(node) - 1];
             }
             allowance_.take(1, sizeof(Numbered));
-            numbered_.push_back({++numbers_, builder_.element_count(), type.starts_with("SHELL")});
+            numbered_.push_back({++numbers_, builder_.element_count(), is_shell});
             builder_.put_into_group(builder_.add_element(kind->shape, kind->order, nodes, numbers_), own);
           }
         });
@@ -204,9 +211,8 @@ class Reading {
     if (elements.size() != sides.size())
       root_.fail(name("side_ss", s), "has another length than the array of elements");
     const int own = tag(tags, s);
-    for (int dimension = 1; dimension <= 2; ++dimension)
-      builder_.name_group(dimension, own,
-                          s < names.size() && !names[s].empty() ? names[s] : "side_set_" + std::to_string(own));
+    const std::string group = s < names.size() && !names[s].empty() ? names[s] : "side_set_" + std::to_string(own);
+    std::array<int, 3> tag_in{};  // by dimension; 0: no element yet
     for (std::size_t i = 0; i < elements.size(); ++i) {
       const std::int64_t number = elements[i];
       if (number < 1 || number > numbers_)
@@ -216,7 +222,13 @@ class Reading {
       const auto found = std::lower_bound(numbered_.begin(), numbered_.end(), number,
                                           [](const Numbered& each, std::int64_t n) { return each.number < n; });
       if (found == numbered_.end() || found->number != number) continue;  // it was left out
-      add_side(*found, sides[i], own, name("side_ss", s), std::int64_t(i));
+      const std::size_t element = side_of(*found, sides[i], name("side_ss", s), std::int64_t(i));
+      int& tag = tag_in[std::size_t(builder_.dimension(element))];
+      if (tag == 0) {
+        tag = tag_of_sides(builder_.dimension(element), own);
+        builder_.name_group(builder_.dimension(element), tag, group);
+      }
+      builder_.put_into_group(element, tag);
     }
   }
 
@@ -227,24 +239,35 @@ class Reading {
     bool is_shell;
   };
 
-  void add_side(const Numbered& of, std::int64_t side, int own, const std::string& array, std::int64_t row) {
+  /// The id of a side set, or a free tag if a block of this dimension has the same id.
+  int tag_of_sides(int dimension, int id) {
+    if (tags_.contains({dimension, id}))
+      for (id = 1; tags_.contains({dimension, id}) || side_ids_.contains(id);) ++id;
+    allowance_.take(1, kTreeNode);
+    tags_.emplace(dimension, id);
+    return id;
+  }
+
+  std::size_t side_of(const Numbered& of, std::int64_t side, const std::string& array, std::int64_t row) {
     const Shape shape = builder_.shape(of.index);
     const auto all = faces_of(Sides::Exodus, shape);
     if (of.is_shell) {  // whose sides 1 and 2 are the shell itself, seen from either side
-      if (side == 1 || side == 2) return builder_.put_into_group(of.index, own);
+      if (side == 1 || side == 2) return of.index;
       side -= 2;
     }
     if (side < 1 || side > std::int64_t(all.size()))
       root_.fail(array,
                  "has the side " + std::to_string(side) + " of an element that has " + std::to_string(all.size()), row);
     const int facet = same_sides(all, reference::info(shape).facets)[std::size_t(side) - 1];
-    builder_.put_into_group(builder_.add_side(of.index, facet), own);
+    return builder_.add_side(of.index, facet);
   }
 
   FileAllowance& allowance_;
   Hdf5Group root_;
   MeshBuilder builder_;
-  std::int64_t nodes_ = 0, numbers_ = 0;
+  std::int64_t nodes_ = 0, numbers_ = 0, dimension_ = 0;
+  std::set<std::pair<int, int>> tags_;  ///< Dimensions and tags that are taken.
+  std::set<std::int64_t> side_ids_;
   std::vector<std::int64_t> node_numbers_;
   std::vector<Numbered> numbered_;
 };

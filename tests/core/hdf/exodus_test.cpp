@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 
 #include "core/mesh/check.h"
 #include "tests/core/hdf/changed.h"
@@ -104,6 +105,48 @@ TEST(Exodus, SideSetsBecomeBoundaryElements) {
   };
   EXPECT_EQ(z(7), std::vector<double>(9, 0.0)) << "side 5 is the bottom";
   EXPECT_EQ(z(9).size(), 18U);
+}
+
+/// The groups by dimension and name, with the number of their elements.
+std::map<std::pair<int, std::string>, std::size_t> groups_of(const HighOrderMesh& mesh) {
+  std::map<std::pair<int, std::string>, std::size_t> groups;
+  for (const PhysicalGroup& group : mesh.physical_groups)
+    for (const ElementBlock& block : mesh.blocks)
+      if (reference::info(block.shape).dimension == group.dimension &&
+          std::count(block.physical.begin(), block.physical.end(), group.tag) == 1)
+        groups[{group.dimension, group.name}] += block.size();
+  return groups;
+}
+
+using Groups = std::map<std::pair<int, std::string>, std::size_t>;
+
+TEST(Exodus, ABlockWithoutElementsHidesNoOthers) {
+  NEEDS_H5PY();
+  const HighOrderMesh mesh = testing::numbered_cells(testing::grid(Filling::Hexahedra, {1, 1, 1}, 2));
+  const std::string second =
+      "; f[\"connect2\"] = f[\"connect1\"][:]; f[\"connect2\"].attrs[\"elem_type\"] = np.bytes_(\"HEX27\"); "
+      "del f[\"connect1\"], f[\"eb_prop1\"], f[\"eb_names\"]; f[\"eb_prop1\"] = np.array([40, 50])";
+  const HighOrderMesh read = testing::read_back(changed(empty_file(), code_of(mesh) + second));
+  EXPECT_EQ(groups_of(read), (Groups{{{3, "block_50"}, 1}}));
+}
+
+/// Sides 1 and 2 of a shell are the shell, seen from either side, and its edges come after them.
+TEST(Exodus, TrianglesInSpaceAreShells) {
+  NEEDS_H5PY();
+  const HighOrderMesh mesh = testing::numbered_cells(testing::grid(Filling::Triangles, {1, 1, 1}, 2));
+  const std::string sets =
+      "; f[\"ss_prop1\"] = np.array([40]); f[\"elem_ss1\"] = np.array([1, 2, 2]); f[\"side_ss1\"] = np.array([2, 3, "
+      "5])";
+  for (const char* type : {"TRI6", "TRISHELL6", "TRIANGLE"}) {
+    const std::string named = std::string("; f[\"connect1\"].attrs[\"elem_type\"] = np.bytes_(\"") + type + "\")";
+    const HighOrderMesh read = testing::read_back(changed(empty_file(), code_of(mesh) + named + sets));
+    EXPECT_EQ(groups_of(read), (Groups{{{2, "fluid"}, 2}, {{2, "side_set_40"}, 1}, {{1, "side_set_40"}, 2}})) << type;
+  }
+  const std::string flat =
+      "; del f[\"coordz\"]; f[\"ss_prop1\"] = np.array([40]); f[\"elem_ss1\"] = np.array([1, 2]); "
+      "f[\"side_ss1\"] = np.array([2, 3])";
+  EXPECT_EQ(groups_of(testing::read_back(changed(empty_file(), code_of(mesh) + flat))),
+            (Groups{{{2, "fluid"}, 2}, {{1, "side_set_40"}, 2}}));
 }
 
 TEST(Exodus, BadFilesAreRefused) {
