@@ -3,14 +3,11 @@
 
 #include <algorithm>
 
+#include "core/base/io/text.h"
+
 namespace varimesh {
 
 namespace {
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && static_cast<unsigned char>(text.back()) <= ' ') text.remove_suffix(1);
-  return text;
-}
 
 // A token as error messages show it: short, and without bytes that could disturb a terminal.
 std::string shown(std::string_view token) {
@@ -23,7 +20,7 @@ std::string shown(std::string_view token) {
 
 std::string_view Scanner::line() {
   const char* stop = std::find(at_, end_, '\n');
-  const std::string_view text = trimmed({at_, std::size_t(stop - at_)});
+  const std::string_view text = without_space_behind({at_, std::size_t(stop - at_)});
   at_ = stop < end_ ? stop + 1 : end_;
   return text;
 }

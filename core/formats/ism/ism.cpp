@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "core/base/io/scanner.h"
+#include "core/base/io/text.h"
 #include "core/formats/common/file_allowance.h"
 #include "core/formats/common/format.h"
 #include "core/formats/mfem/space.h"
@@ -24,7 +25,6 @@ constexpr std::string_view kNoName = "---";
 
 std::vector<std::string_view> words_of(std::string_view line) {
   std::vector<std::string_view> words;
-  const auto is_space = [](char c) { return static_cast<unsigned char>(c) <= ' '; };
   while (true) {
     while (!line.empty() && is_space(line.front())) line.remove_prefix(1);
     if (line.empty()) return words;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/base/io/scanner.h"
+#include "core/base/io/text.h"
 #include "core/formats/xml/xml.h"
 #include "core/mesh/high_order_mesh.h"
 
@@ -109,9 +110,8 @@ class Parser : public XmlVisitor {
     has_child_ = true;
     const std::string_view file = found_.encoding.file;
     const std::size_t begin = file.find('>', at_) + 1;
-    const auto is_space = [](char c) { return static_cast<unsigned char>(c) <= ' '; };
     const std::string_view text = file.substr(begin, child - std::min(child, begin));
-    if (!std::all_of(text.begin(), text.end(), is_space)) list_->back().text = {begin, text.size()};
+    if (!trimmed(text).empty()) list_->back().text = {begin, text.size()};
   }
 
   void appended(const XmlElement& element) {
