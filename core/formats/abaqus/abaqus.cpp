@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "core/base/io/scanner.h"
+#include "core/base/io/text.h"
 #include "core/formats/common/mesh_builder.h"
 #include "core/formats/common/reading_notes.h"
 #include "core/formats/numbering/node_order.h"
@@ -17,13 +18,6 @@
 namespace varimesh::formats {
 
 namespace {
-
-std::string_view trimmed(std::string_view text) {
-  const auto is_space = [](char c) { return static_cast<unsigned char>(c) <= ' '; };
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-  return text;
-}
 
 std::string upper(std::string_view text) {
   std::string all(text);
@@ -47,8 +41,13 @@ struct Keyword {
   explicit Keyword(std::string_view line) {
     line.remove_prefix(1);
     name = upper(next_field(line));
+    add(line);
+  }
+  /// Adds the parameters of the line, or of the next one, where the keyword goes on.
+  void add(std::string_view line) {
     while (!line.empty()) {
       const std::string_view field = next_field(line);
+      if (field.empty()) continue;
       const std::size_t equals = std::min(field.find('='), field.size());
       std::string_view value = trimmed(field.substr(std::min(equals + 1, field.size())));
       if (value.size() > 1 && value.front() == '"' && value.back() == '"') value = value.substr(1, value.size() - 2);
@@ -134,7 +133,9 @@ class Reading {
     std::string_view line = next_line();
     while (!line.empty()) {
       if (line.front() != '*') scan_.fail("a keyword that begins with * was expected");
-      line = of(Keyword(line));
+      Keyword keyword(line);
+      for (; line.ends_with(','); keyword.add(line)) line = next_line();
+      line = of(keyword);
     }
   }
 
@@ -170,13 +171,15 @@ class Reading {
   double number(std::string_view field) const {
     if (field.empty()) return 0;
     if (field.front() == '+') field.remove_prefix(1);
+    std::string text(field);
+    if (const std::size_t exponent = text.find_first_of("dD"); exponent != std::string::npos)
+      text[exponent] = 'e';  // as Fortran writes it
     double value = 0;
-    const auto [stop, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-    if (error == std::errc::invalid_argument || stop != field.data() + field.size())
+    const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error == std::errc::invalid_argument || stop != text.data() + text.size())
       scan_.fail("a coordinate was expected before the end of this line");
     if (error != std::errc()) {
       // Below the smallest number a coordinate is 0; above the largest one it is none.
-      const std::string text(field);
       value = std::strtod(text.c_str(), nullptr);
       if (!std::isfinite(value)) scan_.fail("a coordinate is not a finite number");
     }
@@ -188,8 +191,12 @@ class Reading {
   std::string_view section(const Keyword& keyword) {
     if (keyword.parameters.contains("INPUT"))
       scan_.fail("the file takes *" + keyword.name.substr(0, 40) + " from another file; put its lines into this one");
-    if (keyword.name == "NODE") return nodes(keyword);
-    if (keyword.name == "ELEMENT") return elements(keyword);
+    if (keyword.name == "ASSEMBLY" || keyword.name == "END ASSEMBLY") in_assembly_ = keyword.name == "ASSEMBLY";
+    if (keyword.name == "INSTANCE" || keyword.name == "END INSTANCE") in_instance_ = keyword.name == "INSTANCE";
+    // Nodes and elements of the assembly itself, such as reference points and masses, have numbers of their own.
+    const bool is_of_the_mesh = !in_assembly_ || in_instance_;
+    if (keyword.name == "NODE" && is_of_the_mesh) return nodes(keyword);
+    if (keyword.name == "ELEMENT" && is_of_the_mesh) return elements(keyword);
     if (keyword.name == "SYSTEM")
       scan_.fail("*SYSTEM moves the nodes that follow; write the mesh with the coordinates of the whole model");
     if (keyword.name == "INCLUDE") scan_.fail("the file includes another one; put its lines into this one");
@@ -347,6 +354,7 @@ class Reading {
   FileAllowance allowance_;
   MeshBuilder builder_;
   int parts_ = 0;
+  bool in_assembly_ = false, in_instance_ = false;
   std::map<std::int64_t, std::size_t> by_number_;
   std::map<std::string, std::vector<std::int64_t>> sets_;  ///< By their names in capitals.
   std::map<std::string, int> tags_;

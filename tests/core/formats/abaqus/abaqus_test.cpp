@@ -108,6 +108,40 @@ TEST(Abaqus, SetsAndSurfacesMayComeFirst) {
   EXPECT_EQ(first->mesh.physical_groups.size(), last->mesh.physical_groups.size());
 }
 
+TEST(Abaqus, KeywordsGoOnAfterAComma) {
+  std::string text = kCube;
+  text.replace(text.find("TYPE=C3D8"), 9, "\r\n** not yet\nTYPE=C3D8, \n  elset=Both");
+  const HighOrderMesh mesh = testing::read_back(text);
+  EXPECT_EQ(mesh.element_count(3), 2U);
+  EXPECT_EQ(mesh.physical_groups.at(0).name, "Both");
+  EXPECT_SAYS("*NODE\n1, 0, 0\n*ELEMENT,", "*ELEMENT has no TYPE");
+}
+
+TEST(Abaqus, FortransExponentsAreRead) {
+  std::string text = kCube;
+  text.replace(text.find("2, 1, 0, 0"), 10, "2, 1.0D+0, 0.0d0, -2.5D-1");
+  EXPECT_EQ(testing::read_back(text).coordinates.at(3), 1);
+  EXPECT_EQ(testing::read_back(text).coordinates.at(5), -.25);
+  EXPECT_SAYS(kCube + "*NODE\n20, 1d, 0, 0\n", "a coordinate was expected");
+}
+
+/// As Abaqus/CAE writes a model: one part, an instance that does not move it, and a point that loads refer to.
+TEST(Abaqus, AnAssemblyMayHaveReferencePoints) {
+  const std::string assembly =
+      "*ASSEMBLY, NAME=Assembly\n*INSTANCE, NAME=a-1, PART=a\n*END INSTANCE\n*NODE\n1, 5., 5., 5.\n"
+      "*NSET, NSET=point\n1,\n*ELEMENT, TYPE=MASS, ELSET=heavy\n1, 1\n*ELSET, ELSET=half, INSTANCE=a-1\n2,\n"
+      "*END ASSEMBLY\n*STEP\n*END STEP\n";
+  const HighOrderMesh mesh = testing::read_back("*PART, NAME=a\n" + kCube + "*END PART\n" + assembly);
+  EXPECT_EQ(mesh.node_count(), 12U);
+  EXPECT_EQ(mesh.element_count(3), 2U);
+  EXPECT_EQ(mesh.physical_groups.at(0).name, "half");
+  // The other way: the part has nothing, and its instance has the mesh.
+  const HighOrderMesh other =
+      testing::read_back("*PART, NAME=a\n*END PART\n*ASSEMBLY, NAME=b\n*INSTANCE, NAME=a-1, PART=a\n" + kCube +
+                         "*END INSTANCE\n*NODE\n1, 5., 5., 5.\n*END ASSEMBLY\n");
+  EXPECT_EQ(other.node_count(), 12U);
+}
+
 TEST(Abaqus, SerendipityElementsAreCompleted) {
   HighOrderMesh mesh = testing::numbered_cells(testing::curved_grid(Filling::Hexahedra, 2));
   std::string text = file_of(mesh);
