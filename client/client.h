@@ -64,7 +64,7 @@ Credentials credentials_from_environment();
 
 /// How a client waits, stops and sends.
 struct Settings {
-  std::chrono::milliseconds connect{5000};  ///< How long to wait for the first contact.
+  std::chrono::milliseconds connect{5000};  ///< For the first contact; where nobody listens, a second.
   std::chrono::milliseconds retry{60000};   ///< How long to wait for a server that was there and went away.
   /// Called several times per second, from a thread of the client too. If it returns true, calls under way end with
   /// Interrupted. A call with a single answer that begins afterwards (for example cancel()) is tried once, for at most

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
 
 #include "client/library/authorisation.h"
 #include "client/library/failures.h"
@@ -48,6 +49,24 @@ std::string reason_of(const std::shared_ptr<grpc::Channel>& channel) {
   return v1::JobService::NewStub(channel)->GetServerInfo(&context, {}, &response).error_message();
 }
 
+/// Why a server that speaks TLS and the client do not come together. Nothing if that cannot be said yet.
+std::optional<tl::unexpected<Failure>> not_let_in(const std::shared_ptr<grpc::Channel>& channel,
+                                                  const std::string& address) {
+  const std::string reason = reason_of(channel);
+  const auto says = [&](const char* words) { return reason.find(words) != std::string::npos; };
+  // A server of gRPC closes the connection without a word if it does not accept the client's certificate.
+  if (says("Socket closed") || says("Connection reset"))
+    return transport_failure("The server at " + address +
+                             " wants a certificate of yours that comes from an authority that it knows and has not "
+                             "expired; name it with --tls-certificate and --tls-key.");
+  if (says("handshake failed") || says("peer certificate"))
+    return transport_failure("The certificate of the server at " + address +
+                             " is not for this address, has expired, or does not come from the authority of "
+                             "--tls-authority (" +
+                             reason + "); check the address and the authority.");
+  return std::nullopt;
+}
+
 /// Why no connection to a server at this address comes about, and what to do.
 tl::unexpected<Failure> no_server(const std::shared_ptr<grpc::Channel>& channel, const std::string& address,
                                   bool encrypted) {
@@ -61,15 +80,18 @@ tl::unexpected<Failure> no_server(const std::shared_ptr<grpc::Channel>& channel,
 /// Waits for the first contact.
 Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::string& address, bool encrypted,
                    const Settings& settings) {
-  constexpr auto kLook = std::chrono::milliseconds(100), kBeforeListening = std::chrono::milliseconds(500);
+  constexpr auto kLook = std::chrono::milliseconds(100), kBeforeListening = std::chrono::milliseconds(500),
+                 kSure = std::chrono::milliseconds(900);  // a server that is being started may need so long
   const auto begin = std::chrono::steady_clock::now();
-  bool has_listened = false;
+  bool has_listened = false, is_refused = false, speaks_tls = false;
   while (!channel->WaitForConnected(std::chrono::system_clock::now() + kLook)) {
     if (settings.wants_to_stop()) return interruption(kInterruptedCall);
     const auto passed = std::chrono::steady_clock::now() - begin;
     if (!has_listened && passed > std::min<std::chrono::nanoseconds>(kBeforeListening, settings.connect)) {
       has_listened = true;
       const Spoken heard = heard_from(address, std::chrono::seconds(1), [&] { return settings.wants_to_stop(); });
+      is_refused = heard == Spoken::Refused;
+      speaks_tls = heard == Spoken::Tls;
       if (heard == Spoken::Tls && !encrypted)
         return transport_failure("The server at " + address +
                                  " wants TLS; name the authority of its certificate with --tls-authority, or begin "
@@ -78,6 +100,15 @@ Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::str
         return transport_failure("The server at " + address +
                                  " speaks no TLS; leave out https:// and the certificates, or start it with "
                                  "--tls-certificate.");
+    }
+    if (is_refused && passed > kSure) {
+      if (heard_from(address, kLook, [&] { return settings.wants_to_stop(); }) == Spoken::Refused)
+        return no_server(channel, address, false);
+      is_refused = false;
+    }
+    if (speaks_tls && passed > kSure) {
+      if (const auto why = not_let_in(channel, address)) return *why;
+      speaks_tls = false;
     }
     if (passed > settings.connect) return no_server(channel, address, encrypted);
   }

@@ -4,6 +4,7 @@
 #include <netdb.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <array>
@@ -69,8 +70,25 @@ std::pair<std::string, std::string> parts_of(const std::string& address) {
   return {host, address.substr(colon + 1)};
 }
 
+/// Whether there is no socket at unix:PATH or unix://PATH, or one that no process listens on.
+bool nobody_listens_on(const std::string& address) {
+  std::string_view path = std::string_view(address).substr(sizeof "unix:" - 1);
+  if (path.starts_with("//")) path.remove_prefix(2);
+  sockaddr_un at{};
+  at.sun_family = AF_UNIX;
+  if (path.empty() || path.size() >= sizeof at.sun_path) return false;
+  path.copy(at.sun_path, path.size());
+  const Socket socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  return socket.get() >= 0 && ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&at), sizeof at) != 0 &&
+         (errno == ENOENT || errno == ECONNREFUSED);
+}
+
 Spoken heard_on(const Socket& socket, Clock::time_point deadline, const std::function<bool()>& interrupted) {
   if (!wait_for(socket, POLLOUT, deadline, interrupted)) return Spoken::Unknown;
+  int failure = 0;
+  socklen_t size = sizeof failure;
+  if (::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &failure, &size) == 0 && failure == ECONNREFUSED)
+    return Spoken::Refused;
   if (::send(socket.get(), kClientHello.data(), kClientHello.size(), MSG_NOSIGNAL) < 0) return Spoken::Unknown;
   std::array<unsigned char, 4> begin{};
   std::size_t had = 0;
@@ -90,20 +108,27 @@ Spoken heard_on(const Socket& socket, Clock::time_point deadline, const std::fun
 
 Spoken heard_from(const std::string& address, std::chrono::milliseconds patience,
                   const std::function<bool()>& interrupted) {
+  if (address.starts_with("unix:")) return nobody_listens_on(address) ? Spoken::Refused : Spoken::Unknown;
   const auto [host, port] = parts_of(address);
-  if (host.empty() || address.starts_with("unix:")) return Spoken::Unknown;
+  if (host.empty()) return Spoken::Unknown;
   const auto deadline = Clock::now() + patience;
   addrinfo hints{}, *found = nullptr;
   hints.ai_socktype = SOCK_STREAM;
   if (::getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) return Spoken::Unknown;
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> all(found, &::freeaddrinfo);
+  bool all_refuse = found != nullptr;
   for (const addrinfo* one = found; one != nullptr; one = one->ai_next) {
     const Socket socket(::socket(one->ai_family, one->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, one->ai_protocol));
-    if (socket.get() < 0) continue;
-    if (::connect(socket.get(), one->ai_addr, one->ai_addrlen) != 0 && errno != EINPROGRESS) continue;
-    if (const Spoken heard = heard_on(socket, deadline, interrupted); heard != Spoken::Unknown) return heard;
+    if (socket.get() < 0) continue;  // this machine does not have this kind of address
+    if (::connect(socket.get(), one->ai_addr, one->ai_addrlen) != 0 && errno != EINPROGRESS) {
+      all_refuse = all_refuse && errno == ECONNREFUSED;
+      continue;
+    }
+    const Spoken heard = heard_on(socket, deadline, interrupted);
+    if (heard == Spoken::Tls || heard == Spoken::Plain) return heard;
+    all_refuse = all_refuse && heard == Spoken::Refused;
   }
-  return Spoken::Unknown;
+  return all_refuse ? Spoken::Refused : Spoken::Unknown;
 }
 
 }  // namespace varimesh::client

@@ -39,7 +39,7 @@ class Client:
     varimeshd of this user that was started without an address. `token` is sent with every call; a server that has no tokens
     ignores it. It can also be in a file, `token_file`, or in the environment variables VARIMESH_TOKEN and
     VARIMESH_TOKEN_FILE; `token=""` is none. Use it only on connections that others cannot read: loopback, or with TLS. `connect` is how many seconds to wait
-    for the first contact, `retry` for a server that went away.
+    for the first contact (a second where nobody listens), `retry` for a server that went away.
 
     For TLS, `authority` is a file with the authority that the server's certificate must come from; `certificate` and `key`
     are files for a server that asks for a certificate. The environment variables VARIMESH_TLS_AUTHORITY,

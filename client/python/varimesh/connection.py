@@ -225,8 +225,16 @@ def _is_socket_of_this_user(path: Path) -> bool:
 
 def heard_from(address: str, seconds: float = 1.0) -> str:
     """What the server at HOST:PORT answers to the beginning of a TLS handshake: "tls", "plain" (HTTP/2), or "" if it says
-    neither."""
+    neither. "nobody": the machine is there, but nobody listens at this port, or at the path of a unix socket."""
     if address.startswith("unix:"):
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.settimeout(seconds)
+            try:
+                connection.connect(address.removeprefix("unix:").removeprefix("//"))
+            except (FileNotFoundError, ConnectionRefusedError):
+                return "nobody"
+            except (OSError, ValueError):
+                pass
         return ""
     host, _, port = address.rsplit("/", 1)[-1].rpartition(":")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -242,6 +250,8 @@ def heard_from(address: str, seconds: float = 1.0) -> str:
             connection.sendall(outgoing.read())
             while len(begin) < 4 and (more := connection.recv(4 - len(begin))):
                 begin += more
+    except ConnectionRefusedError:
+        return "nobody"
     except (OSError, ValueError):
         pass
     if begin[:2] in (b"\x15\x03", b"\x16\x03"):  # a record of TLS: an alert or a handshake
@@ -288,7 +298,8 @@ class Connection:
         """Call it before the first call. Raises an error with a sentence if there is no server."""
         if self._met:
             return
-        deadline = time.monotonic() + self._connect_seconds
+        begin = time.monotonic()
+        deadline = begin + self._connect_seconds
         stop = Stop.of_this_thread()
         heard = None
         while not wait_for_channel(self.control, 0.2, self.metadata):
@@ -301,12 +312,29 @@ class Connection:
             if heard == "plain" and self._encrypted:
                 raise ServerUnreachable(f"The server at {self.address} speaks no TLS; leave out https:// and the certificates, "
                                         "or start it with --tls-certificate.")
+            if time.monotonic() > begin + 0.9:  # a server that is being started may need so long
+                if heard == "nobody" and heard_from(self.address, 0.1) == "nobody":
+                    deadline, self._encrypted = begin, False
+                if heard == "tls":
+                    self._raise_if_not_let_in()
+                heard = "asked"
             if time.monotonic() > deadline and self._encrypted:
                 raise ServerUnreachable(f"There is no server at {self.address} that TLS leads to ({self._why()}); check the "
                                         "address, and that the server's certificate is for it and comes from the authority.")
             if time.monotonic() > deadline:
                 raise ServerUnreachable(f"There is no server at {self.address}; start varimeshd there, or name another.")
         self._met = True
+
+    def _raise_if_not_let_in(self) -> None:
+        """Raises an error if a server that speaks TLS and this client do not come together."""
+        why = self._why()
+        # A server of gRPC closes the connection without a word if it does not accept the client's certificate.
+        if "Socket closed" in why or "Connection reset" in why:
+            raise ServerUnreachable(f"The server at {self.address} wants a certificate of yours that comes from an authority that "
+                                    "it knows and has not expired; name it with `certificate` and `key`.")
+        if "handshake failed" in why or "peer certificate" in why:
+            raise ServerUnreachable(f"The certificate of the server at {self.address} is not for this address, has expired, or "
+                                    f"does not come from the authority ({why}); check the address and `authority`.")
 
     def _why(self) -> str:
         """Why a connection does not come about."""

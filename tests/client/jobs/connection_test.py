@@ -1,5 +1,6 @@
 """Commands while the server goes away and comes back."""
 import re
+import socket
 import subprocess
 import time
 import unittest
@@ -8,6 +9,29 @@ from programs import ENDLESS, LARGER, VARIMESHD, Server, WithFolder, run, start,
 
 
 class Connection(WithFolder):
+    def test_where_nobody_listens_that_is_said_within_a_second(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:  # and closed, so that nobody listens there
+            port = taken.getsockname()[1]
+        for address, named in ((f"127.0.0.1:{port}", f"127.0.0.1:{port}"), (f"https://127.0.0.1:{port}", f"127.0.0.1:{port}"),
+                               (f"unix:{self.folder}/none", f"unix:{self.folder}/none")):
+            begin = time.monotonic()
+            done = run("jobs", "--server", address)
+            self.assertLess(time.monotonic() - begin, 2)
+            self.assertEqual(done.returncode, 5)
+            self.assertIn(f"There is no server at {named}; start varimeshd there", done.stderr)
+
+    def test_a_server_that_is_just_being_started_is_found(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            address = "127.0.0.1:%d" % taken.getsockname()[1]
+        client = start("jobs", "--server", address)
+        time.sleep(0.3)
+        server = Server(listen=address)
+        try:
+            _, stderr = client.communicate(timeout=30)
+            self.assertEqual(client.returncode, 0, stderr)
+        finally:
+            server.stop()
+
     def test_says_when_the_server_goes_and_when_it_is_back(self):
         server = Server()
         client = start("optimise", LARGER, "-o", self.folder / "out.msh", *ENDLESS, "--server", server.address)

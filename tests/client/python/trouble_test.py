@@ -1,6 +1,7 @@
 """Connections that break, servers that go away, programs that are interrupted."""
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -67,6 +68,15 @@ class Away(support.WithFolder):
         with self.assertRaises(varimesh.ServerUnreachable) as caught:
             client.info()
         self.assertIn("start varimeshd", str(caught.exception))
+
+    def test_where_nobody_listens_that_is_said_within_a_second(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:  # and closed, so that nobody listens there
+            port = taken.getsockname()[1]
+        for address in (f"127.0.0.1:{port}", f"unix:{self.folder}/none"):
+            begin = time.monotonic()
+            with self.assertRaisesRegex(varimesh.ServerUnreachable, f"There is no server at {address}; start varimeshd"):
+                varimesh.Client(address).info()
+            self.assertLess(time.monotonic() - begin, 2)
 
     def test_a_watch_continues_when_the_server_comes_back(self):
         server = Server("--state", str(self.folder / "state"), folder=self.folder)
