@@ -10,6 +10,7 @@
 #include "core/base/io/scanner.h"
 #include "core/formats/common/format.h"
 #include "core/formats/vtu/arrays.h"
+#include "core/formats/vtu/boundary.h"
 #include "core/formats/vtu/cells.h"
 #include "core/formats/vtu/declared.h"
 #include "core/formats/vtu/write.h"
@@ -38,6 +39,7 @@ class Reading {
     drop_added_points();
     for (const ElementBlock& block : mesh_.blocks)
       mesh_.dimension = std::max(mesh_.dimension, reference::info(block.shape).dimension);
+    curve_lines(mesh_, allowance_);
     for (const ElementBlock& block : mesh_.blocks)
       if (reference::info(block.shape).dimension == mesh_.dimension) mesh_.order = block.order;
     allowance_.take(mesh_.node_count(), sizeof(std::int64_t));

@@ -10,17 +10,16 @@
 #include <cstring>
 #include <limits>
 #include <set>
-#include <unordered_map>
 #include <utility>
 
 #include "core/base/io/buffered_output.h"
 #include "core/formats/common/left_out.h"
 #include "core/formats/numbering/node_order.h"
+#include "core/formats/vtu/boundary.h"
 #include "core/formats/vtu/cells.h"
 #include "core/formats/vtu/written_arrays.h"
 #include "core/formats/xml/xml.h"
 #include "core/mesh/changes/serendipity_elements.h"
-#include "core/mesh/changes/shared_nodes.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 
@@ -58,45 +57,6 @@ bool adds_points(const ElementBlock& block) {
   return block.shape == Shape::Pyramid && block.order > 1 && !is_serendipity(block);
 }
 
-/// For each element of the boundary, a cell with the same side; −1 if there is none. Viewers draw both in the same
-/// place, so that the elements take the values of these cells.
-std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh) {
-  using detail::Vertices;
-  std::vector<bool> on_boundary(mesh.node_count(), false);
-  std::unordered_map<Vertices, std::int64_t, detail::HashVertices> cells;
-  const auto sorted = [](Vertices vertices) {
-    std::sort(vertices.begin(), vertices.end());
-    return vertices;
-  };
-  const auto own_vertices = [&](const ElementBlock& block, std::size_t e) {
-    Vertices vertices{-1, -1, -1, -1};
-    std::copy_n(block.nodes.data() + e * nodes_per_element(block), reference::info(block.shape).vertices,
-                vertices.begin());
-    return vertices;
-  };
-  for (const ElementBlock* block : blocks_of(mesh, mesh.dimension - 1))
-    for (std::size_t e = 0; e < block->size(); ++e) {
-      const Vertices vertices = own_vertices(*block, e);
-      for (const std::int32_t node : vertices)
-        if (node >= 0) on_boundary[std::size_t(node)] = true;
-      cells.emplace(sorted(vertices), -1);
-    }
-  std::int64_t cell = 0;
-  for (const ElementBlock* block : blocks_of(mesh, mesh.dimension))
-    for (std::size_t e = 0; e < block->size(); ++e, ++cell)
-      for (const reference::Facet& side : reference::info(block->shape).facets) {
-        const Vertices vertices = detail::face_vertices(side, block->nodes.data() + e * nodes_per_element(*block));
-        if (std::ranges::any_of(vertices, [&](auto node) { return node >= 0 && !on_boundary[std::size_t(node)]; }))
-          continue;
-        const auto found = cells.find(sorted(vertices));
-        if (found != cells.end() && found->second < 0) found->second = cell;
-      }
-  std::vector<std::int64_t> of_elements;
-  for (const ElementBlock* block : blocks_of(mesh, mesh.dimension - 1))
-    for (std::size_t e = 0; e < block->size(); ++e) of_elements.push_back(cells.at(sorted(own_vertices(*block, e))));
-  return of_elements;
-}
-
 // VTK's cells of pyramids from this order on do not have all of the pyramid's nodes.
 constexpr int kListedPyramids = 3;
 
@@ -114,11 +74,17 @@ class Grid {
  private:
   struct Sizes {
     std::size_t points, cells, nodes;
+    std::vector<const ElementBlock*> straight;  ///< Blocks of curved lines that are written as straight ones.
   };
   /// Whether points need numbers of 64 bits.
   bool are_many() const { return std::int64_t(points) > kMostNodes; }
   static Sizes sizes(const HighOrderMesh& mesh);
-  Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, const Sizes& sizes);
+  static VtkCell cell_of(const ElementBlock& block, const std::vector<const ElementBlock*>& straight) {
+    const bool is_straight = std::find(straight.begin(), straight.end(), &block) != straight.end();
+    return is_straight ? vtk_cell(Shape::Line, 1) : vtk_cell(block);
+  }
+  VtkCell cell_of(const ElementBlock& block) const { return cell_of(block, straight_); }
+  Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, Sizes sizes);
 
   CompressedArray make(const char* name, const char* type) const { return {team_, {name, type, 1}}; }
   void add_groups();
@@ -142,27 +108,30 @@ class Grid {
 
     /// Puts those from `begin` to `end - 1` where `to` is, and returns what is behind them.
     char* put(std::size_t begin, std::size_t end, char* to) const {
+      const std::size_t stride = nodes_per_element(*block);
       std::size_t element = begin / places.size(), k = begin % places.size();
       for (; begin < end; ++begin, to += sizeof(std::int32_t)) {
-        std::memcpy(to, &block->nodes[element * places.size() + std::size_t(places[k])], sizeof(std::int32_t));
+        std::memcpy(to, &block->nodes[element * stride + std::size_t(places[k])], sizeof(std::int32_t));
         if (++k < places.size()) continue;
         k = 0;
         ++element;
       }
       return to;
     }
+    std::size_t size() const { return block->size() * places.size(); }
   };
 
   const HighOrderMesh& mesh_;
   const Team& team_;
+  const std::vector<const ElementBlock*> straight_;
   std::int64_t offset_ = 0;
 };
 
 Grid::Sizes Grid::sizes(const HighOrderMesh& mesh) {
-  Sizes all{mesh.node_count(), 0, 0};
+  Sizes all{mesh.node_count(), 0, 0, lines_on_edges(mesh)};
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
-    const std::vector<int> nodes = vtk_cell(block).nodes;
+    const std::vector<int> nodes = cell_of(block, all.straight).nodes;
     all.cells += block.size();
     all.nodes += block.size() * nodes.size();
     all.points += block.size() * std::size_t(std::count(nodes.begin(), nodes.end(), -1));
@@ -173,12 +142,13 @@ Grid::Sizes Grid::sizes(const HighOrderMesh& mesh) {
 Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team)
     : Grid(mesh, fields, team, sizes(mesh)) {}
 
-Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, const Sizes& sizes)
+Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, Sizes sizes)
     : points(sizes.points),
       coordinates({"Points", "Float64", 3}, 3 * sizeof(double) * sizes.points),
       connectivity({"connectivity", are_many() ? "Int64" : "Int32", 1}, (are_many() ? 8 : 4) * sizes.nodes),
       mesh_(mesh),
-      team_(team) {
+      team_(team),
+      straight_(std::move(sizes.straight)) {
   topology.push_back(make("offsets", "Int64"));
   topology.push_back(make("types", "UInt8"));
   cell_data.push_back(make("element", "Int64"));
@@ -226,7 +196,7 @@ void Grid::list_pyramids() {
 }
 
 void Grid::add_block(const ElementBlock& block) {
-  const VtkCell cell = vtk_cell(block);
+  const VtkCell cell = cell_of(block);
   const auto physical = std::int32_t(block.physical.empty() ? 0 : block.physical.front());
   const std::int32_t numbers[] = {physical, physical, block.entity, reference::info(block.shape).dimension};
   cells += block.size();
@@ -272,8 +242,8 @@ void Grid::write_plain(BufferedOutput& out) const {
   std::vector<Run> runs;
   std::size_t first = 0;
   for_blocks([&](const ElementBlock& block) {
-    runs.push_back({first, &block, vtk_cell(block).nodes});
-    first += block.nodes.size();
+    runs.push_back({first, &block, cell_of(block).nodes});
+    first += runs.back().size();
   });
   connectivity.write_shared(out, [&](std::size_t begin, std::size_t end, char* to) {
     begin /= sizeof(std::int32_t);
@@ -281,7 +251,7 @@ void Grid::write_plain(BufferedOutput& out) const {
     const auto after = [](std::size_t at, const Run& run) { return at < run.first; };
     auto run = std::prev(std::upper_bound(runs.begin(), runs.end(), begin, after));
     for (; begin < end; ++run) {
-      const std::size_t last = std::min(end, run->first + run->block->nodes.size());
+      const std::size_t last = std::min(end, run->first + run->size());
       to = run->put(begin - run->first, last - run->first, to);
       begin = last;
     }
@@ -299,7 +269,7 @@ void Grid::write_with_added_points(BufferedOutput& out) const {
     const auto put_point = [&](std::int64_t point) { are_many() ? put(point) : put(std::int32_t(point)); };
     auto next = std::int64_t(mesh_.node_count());  // of the points that are added
     for_blocks([&](const ElementBlock& block) {
-      const std::vector<int> cell = vtk_cell(block).nodes;
+      const std::vector<int> cell = cell_of(block).nodes;
       const std::size_t stride = nodes_per_element(block);
       for (std::size_t e = 0; e < block.size(); ++e)
         for (const int local : cell)

@@ -1,11 +1,12 @@
 #!/usr/bin/python3
-"""check_vtu.py map FOLDER | outward FOLDER | boundary FILE | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
+"""check_vtu.py map FOLDER | outward FOLDER | drawn FOLDER | boundary FILE | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
 runs it.
 
 map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK evaluates
 its cell at inner points and must find the map's values, the cell's numbers and its fields.
 outward: each file SHAPE_ORDER.vtu holds one reference cell. VTK's volume, computed from tetrahedra and from the surface, must
 be its own with the sign, and each of VTK's faces must point outwards. In 2-D the same goes for the area and the normal.
+drawn: each file SHAPE_ORDER.vtu holds one cell and the elements of its boundary. VTK draws it with subdivisions, level by level.
 boundary: the file's only field has the number of each cell from 0. It is active, and each face has the value of a cell that has all
 its points.
 measure: the cells' areas or volumes must add up to MEASURE within 1.5 %, since VTK measures linear pieces.
@@ -107,6 +108,21 @@ def check_outward(path):
     assert abs(enclosed - measures[shape]) < 1e-6 * measures[shape], "%s: the surface encloses %g" % (path, enclosed)
 
 
+def check_drawn(path):
+    """A viewer asks for more lines and triangles per curved cell. VTK 9.1 crashes at curved lines."""
+    grid = read(path)
+    before = 0
+    for level in (1, 2, 3, 4):
+        surface = vtk.vtkDataSetSurfaceFilter()
+        surface.SetInputData(grid)
+        surface.SetNonlinearSubdivisionLevel(level)
+        surface.Update()
+        drawn = surface.GetOutput().GetNumberOfPolys()
+        straight = path.endswith("_1.vtu")
+        assert drawn >= before if straight else drawn > before, "%s: %d polygons at level %d" % (path, drawn, level)
+        before = drawn
+
+
 def check_boundary(path):
     grid = read(path)
     data = grid.GetCellData()
@@ -133,11 +149,11 @@ def check_measure(path, measure, cells):
     assert abs(total - measure) < 0.015 * measure, "%s: %g, not %g" % (path, total, measure)
 
 
-if sys.argv[1] in ("map", "outward"):
+if sys.argv[1] in ("map", "outward", "drawn"):
     files = sorted(glob.glob(os.path.join(sys.argv[2], "*.vtu")))
     assert files
     for file in files:
-        (check_map if sys.argv[1] == "map" else check_outward)(file)
+        {"map": check_map, "outward": check_outward, "drawn": check_drawn}[sys.argv[1]](file)
 elif sys.argv[1] == "boundary":
     check_boundary(sys.argv[2])
 else:

@@ -123,6 +123,17 @@ HighOrderMesh cell_with_faces(Shape shape, int order) {
   return mesh;
 }
 
+TEST(Vtu, VtkDrawsEveryShapeWithSubdivisions) {
+  if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  const test::Folder folder;
+  for (Shape shape : kCells)
+    for (int order = 1; order <= 10; ++order) {
+      const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order) + ".vtu";
+      ASSERT_TRUE(formats::write_file(cell_with_faces(shape, order), Format::Vtu, folder.file(name)));
+    }
+  EXPECT_EQ(run_script("check_vtu.py", "drawn '" + folder.path() + "'"), 0);
+}
+
 TEST(Vtu, MeshioVtkAndGmshAgree) {
   for (const char* module : {"meshio", "vtk", "gmsh"})
     if (!has_module(module)) GTEST_SKIP() << "SKIPPED: " << module << " is not installed";

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 
 #include "core/formats/vtu/cells.h"
 #include "core/formats/vtu/write.h"
@@ -85,6 +87,34 @@ TEST(VtuRead, TakesEveryOrderOfEveryShape) {
       const HighOrderMesh mesh = test::one_cell(shape, order);
       expect_same_elements(mesh, read_back(test::written(mesh, Format::Vtu)), std::string(reference::info(shape).name));
     }
+}
+
+// VTK's types of cells in a file, in turn.
+std::vector<int> types_in(const std::string& bytes) {
+  const test::Folder folder;
+  std::ofstream(folder.file("mesh.vtu"), std::ios::binary) << bytes;
+  const std::string program = "import vtk; r = vtk.vtkXMLUnstructuredGridReader(); r.SetFileName(\"" +
+                              folder.file("mesh.vtu") +
+                              "\"); r.Update(); g = r.GetOutput(); print(*[g.GetCellType(i) "
+                              "for i in range(g.GetNumberOfCells())])";
+  EXPECT_EQ(std::system(("/usr/bin/python3 -c '" + program + "' > '" + folder.file("types") + "'").c_str()), 0);
+  std::ifstream types(folder.file("types"));
+  return {std::istream_iterator<int>(types), {}};
+}
+
+// Lines at the edge of cells are straight in the file, whichever way they go. Those that no cell has keep their nodes.
+TEST(VtuRead, GivesLinesTheNodesOfTheirCells) {
+  HighOrderMesh mesh = test::one_cell(Shape::Triangle, 3);
+  mesh.blocks.push_back({Shape::Line, 3, 1, {5}, {11, 12}, {0, 1, 3, 4, 2, 1, 6, 5}, {}, {}});
+  const std::string bytes = test::written(mesh, Format::Vtu);
+  expect_same_elements(mesh, read_back(bytes), "lines of the cell");
+  mesh.blocks.push_back({Shape::Line, 3, 2, {6}, {13}, {0, 1, 4, 3}, {}, {}});
+  const std::string loose = test::written(mesh, Format::Vtu);
+  expect_same_elements(mesh, read_back(loose), "a line with other nodes than the cell");
+  if (std::system("/usr/bin/python3 -c 'import vtk' >/dev/null 2>&1") != 0)
+    GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  EXPECT_EQ(types_in(bytes), (std::vector{69, 3, 3}));
+  EXPECT_EQ(types_in(loose), (std::vector{69, 3, 3, 68}));
 }
 
 TEST(VtuRead, RefusesPyramidsWhoseInnerNodesAreNotListed) {
