@@ -3,6 +3,7 @@
 
 #include "core/base/version.h"
 #include "core/formats/formats.h"
+#include "core/layers/split/split_layers.h"
 #include "core/mesh/check.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/memory.h"

@@ -12,6 +12,7 @@ Actions add_commands(Command program) {
           {"curve", add_curve(program)},
           {"mesh", add_mesh(program)},
           {"quality", add_quality(program)},
+          {"layers", add_layers(program)},
           {"convert", add_convert(program)},
           {"submit", add_submit(program)},
           {"watch", add_watch(program)},

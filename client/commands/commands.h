@@ -9,6 +9,7 @@ Action add_optimise(Command program);
 Action add_curve(Command program);
 Action add_mesh(Command program);
 Action add_quality(Command program);
+Action add_layers(Command program);
 Action add_convert(Command program);
 Action add_submit(Command program);
 Action add_watch(Command program);

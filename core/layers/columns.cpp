@@ -7,6 +7,7 @@
 #include <span>
 
 #include "core/base/index.h"
+#include "core/layers/facet_table.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::detail {
@@ -27,15 +28,6 @@ constexpr double kShrinks = 0.8;
 /// A facet is curved if a node lies this far above the straight facet, relative to the length of its shortest edge.
 /// Nodes that are spaced unevenly in a straight facet do not curve it.
 constexpr double kCurved = 1e-6;
-
-Vector point(const HighOrderMesh& mesh, std::int32_t node) { return Vector(&mesh.coordinates[3 * at(node)]); }
-
-double shortest_edge(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_t> vertices) {
-  double shortest = std::numeric_limits<double>::infinity();
-  for (const auto& edge : reference::info(shape).edges)
-    shortest = std::min(shortest, (point(mesh, vertices[at(edge[0])]) - point(mesh, vertices[at(edge[1])])).norm());
-  return shortest;
-}
 
 Vector mean_vertex(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_t> nodes) {
   Vector sum = Vector::Zero();

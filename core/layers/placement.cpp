@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/base/index.h"
+#include "core/layers/facet_table.h"
 #include "core/layers/spacing.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
@@ -17,51 +18,12 @@ namespace varimesh::detail {
 namespace {
 
 using Vector = Eigen::Vector3d;
-using Lattice = std::array<int, 2>;
-
-Vector point(const HighOrderMesh& mesh, std::int32_t node) { return Vector(&mesh.coordinates[3 * at(node)]); }
 
 /// The linear functions of the vertices at the equispaced nodes: nodes × vertices.
 Eigen::MatrixXd vertex_weights(Shape shape, int order, int dimension) {
   const reference::Points& nodes = reference::nodes(shape, order, reference::NodeSet::Equispaced, dimension);
   return reference::basis_values(shape, 1, reference::NodeSet::Equispaced, dimension, nodes);
 }
-
-/// What is the same for all facets of one shape: the lattice position of each node, and gradients of the basis there.
-class FacetTable {
- public:
-  FacetTable(Shape shape, int order, int dimension) {
-    const auto& lattice = reference::lattice(shape, order);
-    for (std::size_t k = 0; k < lattice.size(); ++k) node_at_[{lattice[k][0], lattice[k][1]}] = static_cast<int>(k);
-    gradients_ = reference::basis_gradients(shape, order, reference::NodeSet::Equispaced, dimension,
-                                            reference::nodes(shape, order, reference::NodeSet::Equispaced, dimension));
-  }
-  /// The local number of the node at a position of the lattice; −1 if there is none.
-  int node_at(Lattice at) const {
-    const auto found = node_at_.find(at);
-    return found == node_at_.end() ? -1 : found->second;
-  }
-  /// The unit normals of a facet at its nodes, to the side of `inward`.
-  std::vector<Vector> normals(const HighOrderMesh& mesh, const WallFacet& facet, const Vector& inward) const {
-    const auto count = static_cast<Eigen::Index>(facet.nodes.size());
-    Eigen::Matrix<double, Eigen::Dynamic, 3> x(count, 3);
-    for (Eigen::Index k = 0; k < count; ++k) x.row(k) = point(mesh, facet.nodes[at(k)]);
-    const Eigen::MatrixXd along = gradients_[0] * x;
-    const Eigen::MatrixXd across = facet.shape == Shape::Line ? Eigen::MatrixXd() : Eigen::MatrixXd(gradients_[1] * x);
-    std::vector<Vector> normals;
-    for (Eigen::Index k = 0; k < count; ++k) {
-      const Vector a = along.row(k);
-      const Vector b = facet.shape == Shape::Line ? Vector(0, 0, 1) : Vector(across.row(k));
-      const Vector normal = a.cross(b).normalized();
-      normals.push_back(normal.dot(inward) < 0 ? Vector(-normal) : normal);
-    }
-    return normals;
-  }
-
- private:
-  std::map<Lattice, int> node_at_;
-  std::vector<Eigen::MatrixXd> gradients_;
-};
 
 /// A node of a layer cell: its place on the facet, and its level as a multiple of 1/P above the lower level.
 struct NodeInLayer {
@@ -250,7 +212,7 @@ class Placer {
     }
   }
 
-  /// The normals of the facet at its nodes. Those of the last facet are kept.
+  /// The normals of the facet at its nodes, which are kept.
   const std::vector<Vector>& normals_of(std::int32_t facet) {
     auto& normals = normals_[facet];
     if (!normals.empty()) return normals;
@@ -260,7 +222,7 @@ class Placer {
       const auto& vertices = columns_.vertices[at(columns_.column_of[at(wall.nodes[at(v)])])];
       if (vertices.size() > 1) inward += point(mesh_, vertices[1]) - point(mesh_, vertices[0]);
     }
-    return normals = table_of(wall.shape).normals(mesh_, wall, inward);
+    return normals = table_of(wall.shape).normals(mesh_, wall.nodes, inward);
   }
 
   /// Adds where the nodes of the cell lie on parallel surfaces.

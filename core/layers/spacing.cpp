@@ -25,14 +25,6 @@ double graded(double xi, double growth) {
   return std::abs(rate) < 1e-6 ? xi : std::expm1(rate * xi) / std::expm1(rate);
 }
 
-/// How much the layers grow across this one.
-double growth(const std::vector<double>& heights, std::size_t cell) {
-  const bool has_below = cell > 0, has_above = cell + 1 < heights.size();
-  if (has_below && has_above) return std::sqrt(heights[cell + 1] / heights[cell - 1]);
-  if (has_above) return heights[cell + 1] / heights[cell];
-  return has_below ? heights[cell] / heights[cell - 1] : 1;
-}
-
 /// The curve through the equispaced nodes of an edge.
 Vector on_edge(const Vector* nodes, int order, double xi) {
   Vector sum = Vector::Zero();
@@ -59,6 +51,18 @@ Vector at_share(const Vector* nodes, int order, double share) {
 
 }  // namespace
 
+double growth_across(const std::vector<double>& heights, std::size_t cell) {
+  const bool has_below = cell > 0, has_above = cell + 1 < heights.size();
+  if (has_below && has_above) return std::sqrt(heights[cell + 1] / heights[cell - 1]);
+  if (has_above) return heights[cell + 1] / heights[cell];
+  return has_below ? heights[cell] / heights[cell - 1] : 1;
+}
+
+double graded_share(double xi, double growth, double height, double size, int order) {
+  const double weight = 1 / (1 + std::pow(height / (fades_at(order) * size), 4));
+  return (1 - weight) * xi + weight * graded(xi, growth);
+}
+
 std::vector<Vector> spaced_column(const std::vector<Vector>& points, int cells, int order, double size,
                                   LayerSpacing spacing) {
   if (spacing == LayerSpacing::Keep) return points;
@@ -67,12 +71,11 @@ std::vector<Vector> spaced_column(const std::vector<Vector>& points, int cells, 
     heights.push_back((points[at((cell + 1) * order)] - points[at(cell * order)]).norm());
   std::vector<Vector> spaced = points;
   for (int cell = 0; cell < cells; ++cell) {
-    const double weight =
-        spacing == LayerSpacing::Graded ? 1 / (1 + std::pow(heights[at(cell)] / (fades_at(order) * size), 4)) : 0;
-    const double ratio = growth(heights, at(cell));
+    const double ratio = growth_across(heights, at(cell));
     for (int node = 1; node < order; ++node) {
       const double xi = static_cast<double>(node) / order;
-      const double share = (1 - weight) * xi + weight * graded(xi, ratio);
+      const double share =
+          spacing == LayerSpacing::Graded ? graded_share(xi, ratio, heights[at(cell)], size, order) : xi;
       spaced[at(cell * order + node)] = at_share(&points[at(cell * order)], order, share);
     }
   }

@@ -2,11 +2,22 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "core/options/options.h"
 
 namespace varimesh::detail {
+
+/// How much layers of these heights grow across one of them: the g of spaced_column().
+double growth_across(const std::vector<double>& heights, std::size_t cell);
+
+/// The share of a cell's height that lies below the share ξ of its nodes if they are graded: (1 − w) ξ + w t, as
+/// spaced_column() says.
+///
+/// @param growth  g
+/// @param height  h, in the unit of `size`
+double graded_share(double xi, double growth, double height, double size, int order);
 
 /// The nodes of a column, moved along it to the spacing that is wanted. Vertices stay.
 ///

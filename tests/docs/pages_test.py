@@ -229,6 +229,7 @@ class Commands(WithPrograms):
         super().setUp()
         shutil.copy(CASES / "sphere_p3.msh", self.work / "wing.msh")
         shutil.copy(CASES / "circle_p5.msh", self.work / "section.msh")
+        shutil.copy(CASES / "thick_layer_p3.msh", self.work / "thick.msh")
         self.server = Server("--state", str(self.folder / "state"))
         self.addCleanup(self.server.stop)
 

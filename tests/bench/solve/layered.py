@@ -186,12 +186,44 @@ class Maker:
         share = 1 if self.inside == "wall" else max(0, j / self.order - (len(self.levels) - 2))
         return share * straight + (1 - share) * curved
 
-    def write(self, path):
+    def walls(self, letter):
+        """The elements of the wall, for shapes that have an opposite side: their kind in Gmsh and their nodes."""
+        name = {"q": "Line", "h": "Quadrangle", "p": "Triangle"}[letter]
+        kind = gmsh.model.mesh.getElementType(name, self.order)
+        dimension = 1 if letter == "q" else 2
+        points = np.reshape(gmsh.model.mesh.getElementProperties(kind)[4], (-1, dimension))
+        weights = {"q": lambda s: [1 - s[0], s[0]], "p": lambda s: [1 - s[0] - s[1], s[0], s[1]],
+                   "h": lambda s: np.prod((1 + np.array(CORNERS["q"]) * s) / 2, axis=1)}[letter]
+        if letter != "p":
+            points = (points + 1) / 2 if letter == "q" else points
+        elements = []
+        for box in np.ndindex(self.body.boxes[0], 1, self.body.boxes[1]):
+            for corners in SPLITS[letter]:
+                bottom = {"q": [0, 1], "h": [0, 1, 5, 4], "p": [0, 1, 2]}[letter]
+                corners = np.array(corners)[bottom] + box
+                nodes = []
+                for point in points:
+                    at = np.rint(self.order * (np.array(weights(point)) @ corners)).astype(int)
+                    if self.body.whole:
+                        at[0] %= self.body.boxes[0] * self.order
+                    nodes.append(self.numbers[tuple(at)])
+                elements.append(nodes)
+        return kind, elements
+
+    def write(self, path, walls=None):
+        """`walls`: (kind, elements), which become the group 2, named "wall"."""
+        kind, elements = walls or (0, [])
         with open(path, "w", encoding="ascii") as file:
-            file.write(f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{len(self.nodes)}\n")
+            file.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
+            if walls:
+                dimension = 1 if self.body.flat else 2
+                file.write(f'$PhysicalNames\n1\n{dimension} 2 "wall"\n$EndPhysicalNames\n')
+            file.write(f"$Nodes\n{len(self.nodes)}\n")
             for number, x in enumerate(self.nodes, 1):
                 file.write(f"{number} {x[0]:.17g} {x[1]:.17g} {x[2]:.17g}\n")
-            file.write(f"$EndNodes\n$Elements\n{len(self.cells)}\n")
+            file.write(f"$EndNodes\n$Elements\n{len(elements) + len(self.cells)}\n")
+            for number, nodes in enumerate(elements, len(self.cells) + 1):
+                file.write(f"{number} {kind} 2 2 2 {' '.join(map(str, nodes))}\n")
             for number, nodes in enumerate(self.cells, 1):
                 file.write(f"{number} {self.kind} 2 1 1 {' '.join(map(str, nodes))}\n")
             file.write("$EndElements\n")
@@ -216,6 +248,15 @@ def make(path, body, letter, order, layers=8, ratio=1000.0, inside="equal"):
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     Maker(BODIES[body], letter, order, layers, ratio, inside).write(path)
+    gmsh.finalize()
+
+
+def make_thick(path, body, letter, order, layers=1):
+    """The same with thick layers of equal height, and a group of wall elements."""
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    maker = Maker(BODIES[body], letter, order, layers, 1, "equal")
+    maker.write(path, maker.walls(letter))
     gmsh.finalize()
 
 
