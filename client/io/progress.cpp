@@ -33,14 +33,6 @@ std::string amount(const v1::Work& work, const char* what) {
                      100.0 * static_cast<double>(std::min(work.done(), work.of())) / static_cast<double>(work.of()));
 }
 
-std::string numbers(const v1::Iteration& iteration) {
-  const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;
-  return fmt::format("{} {:>4}  residual {:.2e}  min Js {:>7.4f}  not certified {}{}  {:.1f} s  {:.3g}/s",
-                     spelled(iteration.phase()), iteration.number(), iteration.residual(),
-                     iteration.min_scaled_jacobian(), iteration.left_elements(), groups_left(iteration),
-                     iteration.seconds(), rate);
-}
-
 /// A bar that shows how far the residual has fallen towards the tolerance, on a logarithmic scale.
 std::string bar(double first, double now, double tolerance) {
   constexpr int kWidth = 16;
@@ -61,6 +53,22 @@ std::string time_left(const std::optional<double>& seconds) {
 }
 
 }  // namespace
+
+std::string iteration_text(const v1::Iteration& iteration, const std::string& bar, const std::string& left,
+                           std::size_t width) {
+  const std::string head = fmt::format("{} {:>4}", spelled(iteration.phase()), iteration.number());
+  const std::string residual = fmt::format("  residual {:.2e}", iteration.residual());
+  const std::string quality =
+      fmt::format("  min Js {:>7.4f}  not certified {}", iteration.min_scaled_jacobian(), iteration.left_elements());
+  const std::string groups = groups_left(iteration), seconds = fmt::format("  {:.1f} s", iteration.seconds());
+  const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;
+  for (const std::string& line :
+       {bar + head + residual + quality + groups + seconds + fmt::format("  {:.3g}/s", rate) + left,
+        bar + head + residual + quality + groups + seconds + left, bar + head + quality + groups + seconds + left,
+        bar + head + quality + seconds + left, head + quality + seconds + left, head + quality + left, head + quality})
+    if (line.size() <= width) return line;
+  return head.substr(0, width);
+}
 
 std::string progress_text(const v1::Work& work, int iteration) {
   std::string text;
@@ -83,8 +91,9 @@ std::string progress_text(const v1::Work& work, int iteration) {
   return text + groups_left(work);
 }
 
-Progress::Progress(bool quiet, const v1::Options& options)
+Progress::Progress(bool quiet, const v1::Options& options, Follows follows)
     : quiet_(quiet),
+      follows_(follows),
       terminal_(isatty(STDERR_FILENO) == 1),
       tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
       remaining_time_(options) {}
@@ -112,7 +121,7 @@ void Progress::show(const v1::JobEvent& event) {
   if (event.has_log()) print(as_plain_text(event.log().text()));
   if (!event.has_state_change()) return;
   if (!latest_shown_) show(latest_, true);
-  print(spelled(event.state_change().state()));
+  if (follows_ == Follows::Job) print(spelled(event.state_change().state()));
 }
 
 void Progress::show(const v1::Iteration& iteration, bool last) {
@@ -121,34 +130,37 @@ void Progress::show(const v1::Iteration& iteration, bool last) {
   latest_ = iteration;
   latest_shown_ = last || is_due(shown_);
   if (!latest_shown_) return;
-  const std::string left = last ? "" : time_left(remaining_time_.seconds());
-  draw(numbers(iteration), left);
+  draw([&](const std::string& bar, std::size_t width) {
+    return iteration_text(iteration, bar, last ? "" : time_left(remaining_time_.seconds()), width);
+  });
   if (last && terminal_) std::fputc('\n', stderr);
   if (last) bar_drawn_ = false;
 }
 
 void Progress::show(const v1::Work& work) {
   // A short run shows its iterations, and nothing of what is inside them.
-  if (is_due(std::max(began_, shown_))) draw(progress_text(work, latest_.number() + 1), "");
+  if (!is_due(std::max(began_, shown_))) return;
+  draw([&](const std::string& bar, std::size_t width) {
+    const std::string text = progress_text(work, latest_.number() + 1);
+    return bar.size() + text.size() <= width ? bar + text : text.substr(0, width);
+  });
 }
 
 bool Progress::is_due(std::chrono::steady_clock::time_point time) const {
   return std::chrono::steady_clock::now() - time >= (terminal_ ? kBarInterval : kLineInterval);
 }
 
-void Progress::draw(const std::string& numbers, const std::string& left) {
+void Progress::draw(const std::function<std::string(const std::string& bar, std::size_t width)>& text) {
   shown_ = std::chrono::steady_clock::now();
   if (!terminal_) {
-    std::fprintf(stderr, "%s\n", (numbers + left).c_str());
+    std::fprintf(stderr, "%s\n", text("", std::numeric_limits<std::size_t>::max()).c_str());
     return;
   }
-  // A line that wraps cannot be drawn again. If the terminal is too narrow, the bar is left out, then the end of the
-  // numbers.
-  const double residual = latest_.number() > 0 ? latest_.residual() : std::numeric_limits<double>::infinity();
-  std::string line = bar(first_residual_, residual, tolerance_) + " " + numbers + left;
+  // A line that wraps cannot be drawn again.
   winsize size{};
-  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && line.size() >= size.ws_col)
-    line = numbers.substr(0, size.ws_col - 1);
+  const bool is_known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
+  const double residual = latest_.number() > 0 ? latest_.residual() : std::numeric_limits<double>::infinity();
+  const std::string line = text(bar(first_residual_, residual, tolerance_) + " ", is_known ? size.ws_col - 1U : 79U);
   std::fprintf(stderr, "\r\x1b[K%s", line.c_str());
   std::fflush(stderr);
   bar_drawn_ = true;

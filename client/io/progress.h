@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <string>
 
 #include "client/io/remaining_time.h"
@@ -12,11 +13,19 @@ namespace varimesh::client {
 /// The work inside the iteration with this number, or between two: for example "newton    1  assembly 25 %".
 std::string progress_text(const v1::Work& work, int iteration);
 
+/// An iteration in at most `width` characters: after the bar, the phase, the quality and what else has room, and the
+/// time that is left. In narrow lines the rate is left out first, then the residual, the groups, the bar and the times.
+std::string iteration_text(const v1::Iteration& iteration, const std::string& bar, const std::string& left,
+                           std::size_t width);
+
+/// A run of this process has no states that its user knows.
+enum class Follows { Run, Job };
+
 /// Prints the events of one job.
 class Progress {
  public:
   /// `quiet`: print nothing. `options` are those of the job.
-  Progress(bool quiet, const v1::Options& options);
+  Progress(bool quiet, const v1::Options& options, Follows follows);
   ~Progress();
 
   /// Shows a change of state, a message of the server, or, if the last was not shown just before, an iteration or the
@@ -32,10 +41,11 @@ class Progress {
   void show(const v1::Work& work);
   /// Whether enough time has passed since `time` to draw or print again.
   bool is_due(std::chrono::steady_clock::time_point time) const;
-  /// Draws a bar, the numbers and the time that is left, or prints numbers and time on a line of their own.
-  void draw(const std::string& numbers, const std::string& left);
+  /// Draws or prints a text, which is made for the width of the terminal.
+  void draw(const std::function<std::string(const std::string& bar, std::size_t width)>& text);
 
   const bool quiet_;
+  const Follows follows_;
   const bool terminal_;     ///< Standard error is a terminal.
   const double tolerance_;  ///< The residual at which the job stops.
   RemainingTime remaining_time_;

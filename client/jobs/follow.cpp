@@ -40,7 +40,7 @@ class Follower {
         flags_(flags),
         on_interrupt_(on_interrupt),
         geometry_(spec.geometry()),
-        progress_(flags.quiet, spec.options()) {}
+        progress_(flags.quiet, spec.options(), on_interrupt == OnInterrupt::EndJob ? Follows::Run : Follows::Job) {}
 
   void show(const v1::JobEvent& event) {
     progress_.show(event);

@@ -11,7 +11,7 @@ namespace {
 /// What a new Progress prints for the event.
 std::string printed(const v1::JobEvent& event) {
   ::testing::internal::CaptureStderr();
-  Progress(false, v1::Options()).show(event);
+  Progress(false, v1::Options(), Follows::Job).show(event);
   return ::testing::internal::GetCapturedStderr();
 }
 
@@ -51,13 +51,44 @@ TEST(Progress, SaysNothingForAnEmptyBookmarkOrIfItIsQuiet) {
   event.mutable_bookmark();
   EXPECT_EQ(printed(event), "");
   ::testing::internal::CaptureStderr();
-  Progress(true, v1::Options()).show(work(v1::Work::ACTIVITY_PRODUCTS, 12, 0));
+  Progress(true, v1::Options(), Follows::Job).show(work(v1::Work::ACTIVITY_PRODUCTS, 12, 0));
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(Progress, NamesTheStatesOfJobsButNotOfRunsOfThisProcess) {
+  v1::JobEvent event;
+  event.mutable_state_change()->set_state(v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(printed(event), "running\n");
+  ::testing::internal::CaptureStderr();
+  Progress(false, v1::Options(), Follows::Run).show(event);
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+}
+
+// A word that is cut says something else: "not certified 1" of 12.
+TEST(Progress, LeavesOutWholeFiguresInNarrowTerminals) {
+  v1::Iteration iteration;
+  iteration.set_phase(v1::PHASE_UNTANGLE);
+  iteration.set_number(12345);
+  iteration.set_residual(3.79e-2);
+  iteration.set_min_scaled_jacobian(-0.5);
+  iteration.set_left_elements(123456);
+  iteration.set_seconds(1234.5);
+  const std::string bar = "[####............] ", left = "  12 min left";
+  EXPECT_EQ(iteration_text(iteration, bar, left, 200),
+            bar + "untangle 12345  residual 3.79e-02  min Js -0.5000  not certified 123456  1234.5 s  10/s" + left);
+  EXPECT_EQ(iteration_text(iteration, bar, left, 79),
+            "untangle 12345  min Js -0.5000  not certified 123456  1234.5 s" + left);
+  EXPECT_EQ(iteration_text(iteration, bar, "", 79), "untangle 12345  min Js -0.5000  not certified 123456  1234.5 s");
+  for (std::size_t width = 10; width < 120; ++width) {
+    const std::string text = iteration_text(iteration, bar, left, width);
+    EXPECT_LE(text.size(), width);
+    EXPECT_EQ(text.find("certified") == std::string::npos, text.find("certified 123456") == std::string::npos) << text;
+  }
 }
 
 TEST(Progress, ShowsWorkThatTakesLongButOneLinePerSecond) {
   ::testing::internal::CaptureStderr();
-  Progress progress(false, v1::Options());
+  Progress progress(false, v1::Options(), Follows::Job);
   progress.show(work(v1::Work::ACTIVITY_PRODUCTS, 1, 0));
   std::this_thread::sleep_for(std::chrono::milliseconds(1050));
   for (int i = 2; i <= 5; ++i) progress.show(work(v1::Work::ACTIVITY_PRODUCTS, i, 0));
