@@ -9,6 +9,7 @@
 #include "client/cli/names.h"
 #include "client/cli/option_flags.h"
 #include "client/io/documents.h"
+#include "client/io/summary.h"
 #include "client/library/failures.h"
 #include "client/process/temporary_folder.h"
 #include "client/report/report.h"
@@ -217,6 +218,8 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   Report report;
   report.title = input.empty() ? job.name() : title_of(input);
   report.document = document(job.metrics());
+  for (const std::string& text : {objective_text(job.metrics(), job.spec().options()), worse_text(job.metrics())})
+    if (!text.empty()) report.document["aims"].push_back(text);
   for (const auto& [snapshot, quality] :
        {std::pair{"before", &job.metrics().before()}, std::pair{"after", &job.metrics().after()}})
     report.histograms[snapshot] = std::vector<std::int64_t>(quality->histogram().begin(), quality->histogram().end());

@@ -78,18 +78,23 @@ std::string ending(const v1::Metrics& metrics) {
   }
 }
 
-/// Which objective a run had that looked for the energy's optimum because of other options; empty if none did.
-std::string implied_objective(const v1::Metrics& metrics, const v1::Options& asked) {
-  const bool is_named = asked.objective() == v1::OBJECTIVE_ENERGY;
-  if (metrics.objective() != v1::OBJECTIVE_ENERGY || is_named) return "";
+/// Why a run without --objective looked for the energy's optimum; empty if it was told to.
+std::string why_energy(const v1::Metrics& metrics, const v1::Options& asked) {
+  if (asked.objective() != v1::OBJECTIVE_UNSPECIFIED && asked.objective() != v1::OBJECTIVE_AUTO) return "";
   std::vector<std::string> flags;
   for (const OptionInfo& option : option_table())
     if (const auto* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
         is_of_energy(option) && v1::Options::GetReflection()->HasField(asked, field))
       flags.push_back("--" + dashed(std::string(option.name)));
-  if (flags.empty()) return "";
-  return fmt::format("objective: energy, because {} {} given; --objective accuracy lowers the loss of accuracy\n",
-                     joined(flags, ", "), flags.size() == 1 ? "is" : "are");
+  if (!flags.empty())
+    return fmt::format(", because {} {} given; --objective accuracy lowers the loss of accuracy", joined(flags, ", "),
+                       flags.size() == 1 ? "is" : "are");
+  return metrics.mesh().order() == 1 ? ", because no element of order 1 is curved" : "";
+}
+
+/// A loss of accuracy with three digits; "-" if there is none.
+std::string loss_text(const v1::QualityReport& quality) {
+  return quality.has_accuracy() ? fmt::format("{:.3g}", quality.accuracy().loss()) : "-";
 }
 
 /// What is left, and what to try next.
@@ -100,12 +105,40 @@ std::string way_out(const v1::WhatIsLeft& left) {
   return text;
 }
 
-/// A loss of accuracy in ten characters; "-" if there is none.
-std::string shown_loss(bool is_known, double loss) {
-  return is_known ? fmt::format("{:>10.3g}", loss) : fmt::format("{:>10}", "-");
+}  // namespace
+
+std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked) {
+  const v1::QualityReport &before = metrics.before(), &after = metrics.after();
+  switch (metrics.objective()) {
+    case v1::OBJECTIVE_ACCURACY:
+      return "objective: accuracy; loss of accuracy " + loss_text(before) + " -> " + loss_text(after);
+    case v1::OBJECTIVE_ENERGY:
+      return "objective: energy" + why_energy(metrics, asked);
+    case v1::OBJECTIVE_WORST:
+      return fmt::format("objective: worst; smallest scaled Jacobian {:.5f} -> {:.5f}", before.min_scaled_jacobian(),
+                         after.min_scaled_jacobian());
+    default:
+      return "";
+  }
 }
 
-}  // namespace
+std::string worse_text(const v1::Metrics& metrics) {
+  constexpr double kSeen = 5e-5, kSeenOfLoss = 5e-3;  // a change that the figures show
+  const v1::QualityReport &before = metrics.before(), &after = metrics.after();
+  const bool loses = before.has_accuracy() && after.has_accuracy() &&
+                     after.accuracy().loss() > (1 + kSeenOfLoss) * before.accuracy().loss();
+  if (metrics.objective() != v1::OBJECTIVE_ACCURACY)
+    return loses ? "The loss of accuracy rose because the objective " + spelled(metrics.objective()) +
+                       " does not look at it; --objective accuracy lowers it."
+                 : "";
+  if (loses)
+    return "The loss of accuracy rose because elements had to become valid, or reach the scaled Jacobian of --min-js, "
+           "first.";
+  if (after.mean_scaled_jacobian() < before.mean_scaled_jacobian() - kSeen)
+    return "The mean scaled Jacobian fell because the objective accuracy looks at the error of a solver and not at "
+           "shapes; --objective energy looks at shapes.";
+  return "";
+}
 
 std::string way_out(const WhatIsLeft& left) {
   if (left.uncertified == 0) return "";
@@ -118,11 +151,15 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
   const v1::MeshSummary& mesh = metrics.mesh();
   const v1::QualityReport& before = metrics.before();
   const v1::QualityReport& after = metrics.after();
+  const std::string objective = objective_text(metrics, asked), worse = worse_text(metrics);
+  const std::string losses =
+      fmt::format("loss of accuracy          {:>10}  {:>10}\n", loss_text(before), loss_text(after));
+  const bool has_loss = after.has_accuracy();  // then it is the first figure
   return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
          fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
                      metrics.residual(), ending(metrics)) +
-         implied_objective(metrics, asked) +
-         fmt::format("                          {:>10}  {:>10}\n", "before", "after") +
+         objective + (objective.empty() ? "" : "\n") +
+         fmt::format("                          {:>10}  {:>10}\n", "before", "after") + (has_loss ? losses : "") +
          fmt::format("smallest scaled Jacobian  {:>10.5f}  {:>10.5f}\n", before.min_scaled_jacobian(),
                      after.min_scaled_jacobian()) +
          fmt::format("mean scaled Jacobian      {:>10.5f}  {:>10.5f}\n", before.mean_scaled_jacobian(),
@@ -140,8 +177,7 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
          fmt::format("proved scaled Jacobian    {:>10}  {:>10}\n",
                      bound_text(before.certified().min_scaled_jacobian_lower_bound()),
                      bound_text(after.certified().min_scaled_jacobian_lower_bound())) +
-         fmt::format("loss of accuracy          {}  {}\n", shown_loss(before.has_accuracy(), before.accuracy().loss()),
-                     shown_loss(after.has_accuracy(), after.accuracy().loss())) +
+         (has_loss ? "" : losses) + worse + (worse.empty() ? "" : "\n") +
          joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +
@@ -150,20 +186,20 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
 }
 
 std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
-  std::string text = sizes(mesh, quality.is_surface) +
-                     fmt::format(
-                         "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
-                         "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
-                         "certified valid           {:>10}\ncertified invalid         {:>10}\n"
-                         "undecided                 {:>10}\nproved scaled Jacobian    {:>10}\n"
-                         "loss of accuracy          {}\n"
-                         "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
-                         quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
-                         quality.invalid_elements, quality.certified.valid, quality.certified.invalid,
-                         quality.certified.undecided, bound_text(quality.certified.min_scaled_jacobian_lower_bound),
-                         shown_loss(quality.accuracy.has_value(), quality.accuracy.value_or(Accuracy{}).loss),
-                         quality.lattice_intervals) +
-                     histogram(quality);
+  std::string text =
+      sizes(mesh, quality.is_surface) +
+      fmt::format(
+          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
+          "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
+          "certified valid           {:>10}\ncertified invalid         {:>10}\n"
+          "undecided                 {:>10}\nproved scaled Jacobian    {:>10}\n"
+          "loss of accuracy          {:>10}\n"
+          "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
+          quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
+          quality.invalid_elements, quality.certified.valid, quality.certified.invalid, quality.certified.undecided,
+          bound_text(quality.certified.min_scaled_jacobian_lower_bound),
+          quality.accuracy ? fmt::format("{:.3g}", quality.accuracy->loss) : "-", quality.lattice_intervals) +
+      histogram(quality);
   if (!quality.clockwise.empty())
     text += clockwise_text(quality.clockwise, static_cast<std::size_t>(mesh.elements), mesh.dimension) +
             "; 'varimesh convert --orient' turns " + (quality.clockwise.size() == 1 ? "it\n" : "them\n");

@@ -12,6 +12,12 @@ namespace varimesh::client {
 /// The result of an optimisation: the mesh, how it went, the quality before and after, and what cannot be repaired.
 /// `asked`: the options of the job, which say why it had its objective.
 std::string summary(const v1::Metrics& metrics, const v1::Options& asked);
+/// The objective, why a run that was not told had it, and its figure before and after: "objective: accuracy; loss of
+/// accuracy 0.00648 -> 0.00579". `asked`: the options of the job. Empty if the server is older and names no objective.
+std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked);
+
+/// Why it is right that the mean scaled Jacobian fell or that the loss of accuracy rose; empty if neither did.
+std::string worse_text(const v1::Metrics& metrics);
 /// The elements that are not certified valid, and what to try next; empty if there are none.
 std::string way_out(const WhatIsLeft& left);
 /// The quality of a mesh, with its histogram and its first invalid elements.

@@ -12,7 +12,9 @@ function addHead(report) {
   const [kind, sentence] = verdict(report.document);
   document.title = `${report.title} – VariMesh report`;
   document.getElementById('head').append(
-      make('h1', {}, report.title), make('p', {class: `verdict ${kind}`}, sentence), tiles(report.document));
+      make('h1', {}, report.title), make('p', {class: `verdict ${kind}`}, sentence),
+      ...(report.document.aims ?? []).map((text) => make('p', {class: 'aim'}, text.replace(/^objective/, 'Objective').replace(/->/g, '→'))),
+      tiles(report.document));
 }
 
 /**

@@ -23,6 +23,7 @@ function tiles(document) {
   const tile = (name, ...content) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, ...content));
   const {mesh} = document;
   const all = [
+    ...(last.accuracy ? [tile('Loss of accuracy', ...pair((one) => (one === undefined ? '–' : readable(one)), (one) => one.accuracy?.loss))] : []),
     tile('Smallest scaled Jacobian', ...pair(jacobian, (one) => one.min_scaled_jacobian)),
     tile('Mean scaled Jacobian', ...pair(jacobian, (one) => one.mean_scaled_jacobian)),
     tile('Invalid elements', ...pair(grouped, (one) => one.invalid_elements)),
@@ -64,6 +65,7 @@ function histograms(section, report) {
 }
 
 const QUALITY_ROWS = [
+  ['Loss of accuracy', (one) => one.accuracy?.loss, readable, 'accuracy.loss'],
   ['Smallest scaled Jacobian', (one) => one.min_scaled_jacobian, jacobian, 'min_scaled_jacobian'],
   ['Mean scaled Jacobian', (one) => one.mean_scaled_jacobian, jacobian, 'mean_scaled_jacobian'],
   ['Smallest distortion Jacobian', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
@@ -73,7 +75,6 @@ const QUALITY_ROWS = [
   ['Undecided', (one) => one.certified.undecided, grouped, 'certified.undecided'],
   ['Proved lower bound of the smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
     'certified.min_scaled_jacobian_lower_bound'],
-  ['Loss of accuracy', (one) => one.accuracy?.loss, readable, 'accuracy.loss'],
 ];
 
 function qualityTable(document) {

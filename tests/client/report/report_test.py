@@ -116,6 +116,7 @@ class Report(WithFolder):
     def test_shows_a_mesh_in_two_dimensions_as_curves(self):
         document = self.optimise(CASES / "nine_triangles.msh", "--energy", "winslow")
         self.check_numbers(document)
+        self.assertIn("Objective: energy, because --energy is given", self.page.value("document.querySelector('.aim').textContent"))
         self.assertEqual(self.page.value("document.querySelectorAll('#pictures svg.drawing').length"), 2)
         # Before the optimisation, only the two edges at the bottom are curved; after it, the inner edges are too.
         outline = self.page.value("document.querySelector('#pictures .outline').getAttribute('d')")

@@ -1,0 +1,56 @@
+// What a summary says of the objective of a run.
+#include "client/io/summary.h"
+
+#include <gtest/gtest.h>
+
+namespace varimesh::client {
+namespace {
+
+v1::Metrics metrics_of(v1::Objective objective, double loss_before, double loss_after, double mean_after) {
+  v1::Metrics metrics;
+  metrics.set_objective(objective);
+  metrics.mutable_mesh()->set_order(3);
+  metrics.mutable_before()->mutable_accuracy()->set_loss(loss_before);
+  metrics.mutable_after()->mutable_accuracy()->set_loss(loss_after);
+  metrics.mutable_before()->set_min_scaled_jacobian(.25);
+  metrics.mutable_after()->set_min_scaled_jacobian(.5);
+  metrics.mutable_before()->set_mean_scaled_jacobian(.9);
+  metrics.mutable_after()->set_mean_scaled_jacobian(mean_after);
+  return metrics;
+}
+
+TEST(ObjectiveText, HasTheFigureThatTheObjectiveLooksAt) {
+  EXPECT_EQ(objective_text(metrics_of(v1::OBJECTIVE_ACCURACY, .00648, .00579, .9), {}),
+            "objective: accuracy; loss of accuracy 0.00648 -> 0.00579");
+  EXPECT_EQ(objective_text(metrics_of(v1::OBJECTIVE_WORST, .1, .1, .9), {}),
+            "objective: worst; smallest scaled Jacobian 0.25000 -> 0.50000");
+  EXPECT_EQ(objective_text(metrics_of(v1::OBJECTIVE_UNSPECIFIED, .1, .1, .9), {}), "");
+}
+
+TEST(ObjectiveText, SaysWhyTheObjectiveIsEnergy) {
+  v1::Metrics metrics = metrics_of(v1::OBJECTIVE_ENERGY, .1, .1, .9);
+  v1::Options asked;
+  asked.set_objective(v1::OBJECTIVE_ENERGY);
+  asked.set_tolerance(1e-3);
+  EXPECT_EQ(objective_text(metrics, asked), "objective: energy");
+  asked.set_objective(v1::OBJECTIVE_AUTO);
+  EXPECT_EQ(objective_text(metrics, asked),
+            "objective: energy, because --tolerance is given; --objective accuracy lowers the loss of accuracy");
+  asked.set_lambda(2);
+  EXPECT_NE(objective_text(metrics, asked).find("--lambda, --tolerance are given"), std::string::npos)
+      << objective_text(metrics, asked);
+  metrics.mutable_mesh()->set_order(1);
+  EXPECT_EQ(objective_text(metrics, {}), "objective: energy, because no element of order 1 is curved");
+}
+
+TEST(ObjectiveText, SaysWhyAFigureIsWorseThanItWas) {
+  EXPECT_EQ(worse_text(metrics_of(v1::OBJECTIVE_ACCURACY, .1, .05, .9)), "");
+  EXPECT_EQ(worse_text(metrics_of(v1::OBJECTIVE_ACCURACY, .1, .05, .85)).find("The mean scaled Jacobian fell"), 0U);
+  EXPECT_EQ(worse_text(metrics_of(v1::OBJECTIVE_ACCURACY, .1, .2, .85)).find("The loss of accuracy rose"), 0U);
+  EXPECT_EQ(worse_text(metrics_of(v1::OBJECTIVE_ENERGY, .1, .1001, .85)), "");
+  EXPECT_NE(worse_text(metrics_of(v1::OBJECTIVE_WORST, .1, .2, .95)).find("the objective worst does not"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace varimesh::client
