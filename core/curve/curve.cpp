@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/curve/blend.h"
+#include "core/curve/carry_over.h"
 #include "core/curve/layers.h"
 #include "core/curve/parts.h"
 #include "core/curve/place.h"
@@ -41,18 +42,7 @@ class Curving {
  private:
   HighOrderMesh& mesh() { return result_.mesh; }
 
-  /// What is known about the vertices; all other nodes belong to nothing yet.
   void carry_over() {
-    Association& now = result_.association;
-    now.geometry = start_.geometry;
-    now.factor = start_.factor;
-    now.size = start_.size;
-    now.in_plane = start_.in_plane;
-    now.matches = start_.matches;
-    now.surface_of_element = start_.surface_of_element;
-    now.repeated = start_.repeated;
-    now.nodes.assign(mesh().node_count(), {});
-    now.surfaces.resize(start_.surfaces.size());
     std::vector<std::int32_t> before(mesh().node_count(), -1);
     for (std::size_t b = 0; b < mesh().blocks.size(); ++b) {
       const ElementBlock& old = linear_.blocks[b];
@@ -62,29 +52,8 @@ class Curving {
       for (std::size_t e = 0; e < made.size(); ++e)
         for (std::size_t k = 0; k < vertices; ++k)
           before[index(made.nodes[e * stride + k])] = old.nodes[e * vertices + k];
-      const std::vector<int>& surfaces = start_.surface_of_element[b];
-      for (std::size_t e = 0; e < surfaces.size(); ++e) {
-        if (surfaces[e] < 0) continue;
-        std::vector<std::int32_t>& own = now.surfaces[index(surfaces[e])].nodes;
-        const auto first = made.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride);
-        own.insert(own.end(), first, first + static_cast<std::ptrdiff_t>(stride));
-      }
     }
-    for (std::size_t node = 0; node < before.size(); ++node)
-      if (before[node] >= 0) now.nodes[node] = start_.nodes[index(before[node])];
-    for (std::size_t s = 0; s < now.surfaces.size(); ++s) {
-      SurfaceNodes& own = now.surfaces[s];
-      std::ranges::sort(own.nodes);
-      const auto repeated = std::ranges::unique(own.nodes);
-      own.nodes.erase(repeated.begin(), repeated.end());
-      own.parameters.resize(own.nodes.size());
-      SurfaceNodes known = start_.surfaces[s];
-      // A vertex that another, unmatched surface has too is not in the list; its edges there stay straight.
-      for (std::size_t i = 0; i < own.nodes.size(); ++i)
-        if (const std::int32_t old = before[index(own.nodes[i])];
-            old >= 0 && std::ranges::binary_search(known.nodes, old))
-          own.parameters[i] = known.of(old);
-    }
+    result_.association = detail::carry_over(start_, mesh(), start_.surface_of_element, before);
   }
 
   double shift(std::int32_t node) const {

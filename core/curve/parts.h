@@ -1,4 +1,4 @@
-// The edges and faces of a mesh of order P, each once, with their nodes. Internal to core/curve.
+// The edges and faces of a mesh of order P, each once, with their nodes. Internal to the library.
 #pragma once
 
 #include <array>
@@ -33,6 +33,7 @@ struct MeshParts {
   std::vector<MeshEdge> edges;
   std::vector<MeshFace> faces;
 
+  MeshParts() = default;
   /// @param surface_of_element  as Association has it
   MeshParts(const HighOrderMesh& mesh, const std::vector<std::vector<int>>& surface_of_element);
 

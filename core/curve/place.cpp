@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/curve/blend.h"
 #include "core/reference/nodes.h"
@@ -25,8 +26,13 @@ bool has(const std::vector<int>& list, int entry) { return std::ranges::find(lis
 }  // namespace
 
 BoundaryPlacing::BoundaryPlacing(HighOrderMesh& mesh, Association& association, const MeshParts& parts,
-                                 const Team& team)
-    : mesh_(mesh), association_(association), parts_(parts), team_(team), straight_(mesh.coordinates) {
+                                 const Team& team, PlacedBefore before)
+    : mesh_(mesh),
+      association_(association),
+      parts_(parts),
+      team_(team),
+      stays_(std::move(before.stays)),
+      straight_(before.straight.empty() ? mesh.coordinates : std::move(before.straight)) {
   for (const geometry::Curve& curve : association.geometry.curves)
     curve_searches_.push_back(std::make_unique<geometry::CurveSearch>(*curve.shape));
   surface_searches_.resize(association.geometry.surfaces.size());
@@ -60,6 +66,10 @@ void BoundaryPlacing::find_curves() {
   team_.for_each(static_cast<std::int32_t>(parts_.edges.size()), 16, [&](std::int32_t e) {
     const MeshEdge& edge = parts_.edges[index(e)];
     if (edge.surfaces.empty()) return;
+    if (!edge.inner.empty() && stays(edge.inner.front())) {
+      states_[index(e)] = State::Placed;
+      return;
+    }
     if (has(edge.surfaces, -1)) {
       states_[index(e)] = State::Unsure;
       return;
@@ -243,6 +253,7 @@ void BoundaryPlacing::place_inside_thin(const EdgeStep& step) {
 
 void BoundaryPlacing::place_inside(const MeshFace& face) {
   const InnerBlend& inside = inner_blend(face.shape, mesh_.order);
+  if (!inside.inner.empty() && stays(face.nodes[index(inside.inner.front())])) return;
   move_inner(inside, face.nodes.data(), straight_, mesh_.coordinates);
   if (face.surface < 0) return;
   const auto around = static_cast<std::size_t>(inside.weights.cols()) - inside.inner.size();

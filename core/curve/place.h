@@ -12,12 +12,19 @@
 
 namespace varimesh::detail {
 
+/// What is placed already in a mesh that was curved before.
+struct PlacedBefore {
+  std::vector<bool> stays;       ///< By node: whether it stays where it is. Empty: only vertices do.
+  std::vector<double> straight;  ///< The coordinates of the mesh with straight sides. Empty: the mesh has them.
+};
+
 /// The boundary of a mesh whose new nodes are on straight sides, and where they belong.
 class BoundaryPlacing {
  public:
   /// @param mesh         straight-sided; the coordinates of boundary nodes change
   /// @param association  vertices have their entities and parameters; those of new nodes are filled in
-  BoundaryPlacing(HighOrderMesh& mesh, Association& association, const MeshParts& parts, const Team& team);
+  BoundaryPlacing(HighOrderMesh& mesh, Association& association, const MeshParts& parts, const Team& team,
+                  PlacedBefore before = {});
 
   void run();
 
@@ -25,6 +32,7 @@ class BoundaryPlacing {
   enum class State : std::uint8_t { Inside, Unsure, OnSurface, OnCurve, Placed };
 
   void find_curves();
+  bool stays(std::int32_t node) const { return !stays_.empty() && stays_[static_cast<std::size_t>(node)]; }
   int curve_of(const MeshEdge& edge);
   std::vector<double> ends_on(int curve, std::int32_t node) const;
   std::vector<int> candidates(const MeshEdge& edge) const;
@@ -50,6 +58,7 @@ class BoundaryPlacing {
   Association& association_;
   const MeshParts& parts_;
   const Team& team_;
+  const std::vector<bool> stays_;  ///< PlacedBefore::stays.
   const std::vector<double> straight_;
   std::vector<std::unique_ptr<geometry::CurveSearch>> curve_searches_;
   std::vector<std::unique_ptr<geometry::SurfaceSearch>> surface_searches_;

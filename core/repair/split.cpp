@@ -1,4 +1,4 @@
-// Finds the tetrahedra around each place, cuts them one after another, and finds shared nodes by their vertices.
+// Finds the elements around each place, cuts them one after another, and finds shared nodes by their vertices.
 #include "core/repair/split.h"
 
 #include <algorithm>
@@ -23,48 +23,67 @@ using NodeKey = std::array<std::pair<std::int32_t, std::int32_t>, 4>;
 
 constexpr std::pair<std::int32_t, std::int32_t> kNobody{-1, 0};
 
-/// Local numbers of those vertices of the place that the tetrahedron has.
-std::vector<int> local_vertices(const SplitPlace& place, const std::int32_t* nodes) {
-  std::vector<int> result;
-  for (int k = 0; k < vertex_count(place); ++k)
-    for (int v = 0; v < 4; ++v)
-      if (nodes[v] == place[at(k)]) result.push_back(v);
+/// The indices of an element's vertices; −1 where it has fewer than four.
+using VertexNodes = std::array<std::int32_t, 4>;
+
+VertexNodes vertex_nodes(Shape shape, const std::int32_t* nodes) {
+  VertexNodes result{-1, -1, -1, -1};
+  std::copy_n(nodes, reference::info(shape).vertices, result.begin());
   return result;
 }
 
-std::string sentence(const RepairStep& step) {
+/// Local numbers of those vertices of the place that the element has.
+std::vector<int> local_vertices(const SplitPlace& place, const VertexNodes& vertices) {
+  std::vector<int> result;
+  for (int k = 0; k < vertex_count(place); ++k)
+    for (int v = 0; v < 4; ++v)
+      if (vertices[at(v)] == place[at(k)]) result.push_back(v);
+  return result;
+}
+
+std::string sentence(const RepairStep& step, bool on_boundary, Shape shape) {
   const bool edge = step.kind == RepairStep::Kind::SplitEdge;
-  std::string text = edge ? "The interior edge between nodes " : "The interior face between nodes ";
+  const bool volume = shape == Shape::Tetrahedron;
+  const std::string one = volume ? "tetrahedron" : "triangle", many = volume ? "tetrahedra" : "triangles";
+  std::string text = std::string("The ") + (on_boundary ? "boundary" : "interior") +
+                     (edge ? " edge between nodes " : " face between nodes ");
   for (std::size_t k = 0; k < step.vertices.size(); ++k)
     text += (k == 0 ? "" : k + 1 == step.vertices.size() ? " and " : ", ") + std::to_string(step.vertices[k]);
   return text + " was split at the new node " + std::to_string(step.node) + ": " +
-         elements_text(step.elements, "tetrahedron", "tetrahedra") + (edge ? " in two" : " in three") +
-         " (new: " + elements_text(step.new_elements, "tetrahedron", "tetrahedra") + ").";
+         elements_text(step.elements, one, many) + (edge ? " in two" : " in three") +
+         " (new: " + elements_text(step.new_elements, one, many) + ").";
 }
+
+bool is_simplex(Shape shape) { return shape == Shape::Line || shape == Shape::Triangle || shape == Shape::Tetrahedron; }
+
+/// What a node is classified on: the dimension and the tag of an entity.
+using NodeClass = std::pair<int, int>;
 
 class Splitter {
  public:
   explicit Splitter(const HighOrderMesh& mesh) : result_(mesh), order_(mesh.order) {
-    for (const auto& position : reference::lattice(Shape::Tetrahedron, order_))
-      weights_.push_back({order_ - position[0] - position[1] - position[2], position[0], position[1], position[2]});
     for (const std::int64_t number : mesh.node_numbers) last_node_ = std::max(last_node_, number);
     for (const ElementBlock& block : mesh.blocks) {
       for (const std::int64_t number : block.numbers) last_element_ = std::max(last_element_, number);
       for (const std::int64_t number : block.repeat_numbers) last_element_ = std::max(last_element_, number);
+      if (is_simplex(block.shape) && !weights_.contains(block.shape))
+        for (const auto& position : reference::lattice(block.shape, order_))
+          weights_[block.shape].push_back(
+              {order_ - position[0] - position[1] - position[2], position[0], position[1], position[2]});
     }
+    parents_.resize(mesh.blocks.size());
+    classified_ = std::ranges::none_of(mesh.node_blocks, [](const NodeBlock& block) { return block.dimension < 0; });
   }
 
-  HighOrderMesh split(std::span<const SplitPlace> places, std::vector<RepairStep>& steps) {
+  HighOrderMesh split(std::span<const SplitPlace> places, std::vector<RepairStep>& steps, SplitParents* parents) {
     const std::vector<std::vector<Member>> members = members_of(places);
-    const bool classified =
-        std::ranges::none_of(result_.node_blocks, [](const NodeBlock& block) { return block.dimension < 0; });
     for (std::size_t i = 0; i < places.size(); ++i) {
+      new_classes_.clear();
       const auto before = static_cast<std::int32_t>(result_.node_count());
       steps.push_back(cut(places[i], members[i]));
-      const auto added = static_cast<std::int32_t>(result_.node_count()) - before;
-      const int entity = classified ? result_.blocks[members[i].front().block].entity : 0;
-      classify(before, added, classified ? 3 : -1, entity, i == 0);
+      classify(before, i == 0);
     }
+    if (parents != nullptr) *parents = std::move(parents_);
     return std::move(result_);
   }
 
@@ -74,128 +93,194 @@ class Splitter {
     std::size_t element;
   };
 
-  /// Puts the last nodes into a block of nodes: into the last block if it is of the same entity and not the first that
-  /// splitting makes, else into a new one.
-  void classify(std::int32_t first, std::int32_t count, int dimension, int entity, bool is_first) {
-    NodeBlock& last = result_.node_blocks.back();
-    if (!is_first && last.dimension == dimension && last.entity == entity)
-      last.count += count;
-    else
-      result_.node_blocks.push_back({dimension, entity, first, count});
+  const ElementBlock& block_of(const Member& member) const { return result_.blocks[member.block]; }
+  int dimension_of(const Member& member) const { return reference::info(block_of(member).shape).dimension; }
+
+  /// Puts the last nodes into blocks of nodes: into the last block if it is of the same entity and not one that came
+  /// with the mesh, else into a new one.
+  void classify(std::int32_t first, bool is_first) {
+    for (std::size_t n = 0; n < new_classes_.size(); ++n) {
+      const auto [dimension, entity] = new_classes_[n];
+      NodeBlock& last = result_.node_blocks.back();
+      if (!(is_first && n == 0) && last.dimension == dimension && last.entity == entity)
+        ++last.count;
+      else
+        result_.node_blocks.push_back({dimension, entity, first + static_cast<std::int32_t>(n), 1});
+    }
   }
 
-  /// The tetrahedra of each place. They are found by the place's vertex with the lowest index.
+  /// The elements of each place: those of lower dimension first. They are found by the place's vertex with the lowest
+  /// index.
   std::vector<std::vector<Member>> members_of(std::span<const SplitPlace> places) const {
     std::vector<std::vector<Member>> members(places.size());
     std::multimap<std::int32_t, std::size_t> by_vertex;
     for (std::size_t i = 0; i < places.size(); ++i) by_vertex.emplace(places[i][0], i);
     for (std::size_t b = 0; b < result_.blocks.size(); ++b) {
       const ElementBlock& block = result_.blocks[b];
-      if (block.shape != Shape::Tetrahedron) continue;
+      if (!is_simplex(block.shape)) continue;
+      const std::size_t stride = weights_.at(block.shape).size();
       for (std::size_t e = 0; e < block.size(); ++e) {
-        const std::int32_t* nodes = block.nodes.data() + e * weights_.size();
-        for (int v = 0; v < 4; ++v) {
-          const auto [first, last] = by_vertex.equal_range(nodes[v]);
+        const VertexNodes vertices = vertex_nodes(block.shape, block.nodes.data() + e * stride);
+        for (const std::int32_t vertex : vertices) {
+          const auto [first, last] = by_vertex.equal_range(vertex);
           for (auto entry = first; entry != last; ++entry)
-            if (local_vertices(places[entry->second], nodes).size() == at(vertex_count(places[entry->second])))
+            if (local_vertices(places[entry->second], vertices).size() == at(vertex_count(places[entry->second])))
               members[entry->second].push_back({b, e});
         }
       }
     }
+    for (std::vector<Member>& of_place : members)
+      std::ranges::stable_sort(of_place, {}, [&](const Member& member) { return dimension_of(member); });
     return members;
   }
 
-  NodeKey key(const std::array<std::int32_t, 4>& vertices, std::size_t local) const {
+  using Weights = std::vector<std::array<std::int32_t, 4>>;
+
+  static NodeKey key(const VertexNodes& vertices, const std::array<std::int32_t, 4>& weights) {
     NodeKey result;
-    for (std::size_t v = 0; v < 4; ++v)
-      result[v] = weights_[local][v] > 0 ? std::pair{vertices[v], weights_[local][v]} : kNobody;
+    for (std::size_t v = 0; v < 4; ++v) result[v] = weights[v] > 0 ? std::pair{vertices[v], weights[v]} : kNobody;
     std::ranges::sort(result);
     return result;
   }
 
   /// Values of the parent's basis at the nodes of the part whose vertex `replaced` is the place's centre.
-  const Eigen::MatrixXd& pattern(const std::vector<int>& vertices, int replaced) {
+  const Eigen::MatrixXd& pattern(Shape shape, const std::vector<int>& vertices, int replaced) {
     std::vector<int> name = vertices;
     std::ranges::sort(name);
     name.push_back(replaced);
+    name.push_back(static_cast<int>(shape));
     const auto [entry, is_new] = patterns_.try_emplace(name);
     if (!is_new) return entry->second;
-    Eigen::Matrix<double, 4, 3> corner;
-    for (int v = 0; v < 4; ++v)
-      for (int c = 0; c < 3; ++c) corner(v, c) = reference::info(Shape::Tetrahedron).vertex[at(v)][at(c)];
+    const auto& info = reference::info(shape);
+    const Weights& weights = weights_.at(shape);
+    Eigen::MatrixXd corner(info.vertices, 3);
+    for (int v = 0; v < info.vertices; ++v)
+      for (int c = 0; c < 3; ++c) corner(v, c) = c < info.dimension ? info.vertex[at(v)][at(c)] : 0;
     Eigen::RowVector3d centre = Eigen::RowVector3d::Zero();
     for (const int v : vertices) centre += corner.row(v) / static_cast<double>(vertices.size());
     corner.row(replaced) = centre;
-    reference::Points points = reference::Points::Zero(static_cast<Eigen::Index>(weights_.size()), 3);
-    for (std::size_t n = 0; n < weights_.size(); ++n)
-      for (int v = 0; v < 4; ++v)
+    reference::Points points = reference::Points::Zero(static_cast<Eigen::Index>(weights.size()), 3);
+    for (std::size_t n = 0; n < weights.size(); ++n)
+      for (int v = 0; v < info.vertices; ++v)
         points.row(static_cast<Eigen::Index>(n)) +=
-            static_cast<double>(weights_[n][at(v)]) / static_cast<double>(order_) * corner.row(v);
-    entry->second = reference::basis_values(Shape::Tetrahedron, order_, NodeSet::Equispaced, 3, points);
+            static_cast<double>(weights[n][at(v)]) / static_cast<double>(order_) * corner.row(v);
+    entry->second = reference::basis_values(shape, order_, NodeSet::Equispaced, 3, points);
     return entry->second;
   }
 
-  std::int32_t vacant_or_new_node() { return next_vacant_ < vacant_.size() ? vacant_[next_vacant_++] : new_node(); }
+  std::int32_t vacant_or_new_node(const NodeClass& of) {
+    std::vector<std::int32_t>& vacant = vacant_[of];
+    if (vacant.empty()) return new_node(of);
+    const std::int32_t node = vacant.back();
+    vacant.pop_back();
+    return node;
+  }
 
-  /// The tetrahedra that are split at one place.
+  /// The elements that are split at one place.
   struct Parents {
     std::vector<std::vector<std::int32_t>> nodes;
     std::vector<Eigen::MatrixXd> positions;
     std::map<NodeKey, std::int32_t> known;  // nodes that stay and nodes that are new, by vertices
+    /// By sorted vertices: what the nodes between all of them are classified on. Without such a node, it is the element
+    /// of lower dimension with these vertices that says it.
+    std::map<VertexNodes, NodeClass> classes;
+    NodeClass inside;
   };
 
-  /// Nodes on the place, or between it and something else, become vacant: new nodes take their numbers.
+  /// What the nodes between these vertices, and nowhere else, are classified on.
+  static NodeClass class_of(const Parents& parents, VertexNodes vertices) {
+    std::ranges::sort(vertices);
+    const auto found = parents.classes.find(vertices);
+    return found == parents.classes.end() ? parents.inside : found->second;
+  }
+
+  /// Nodes on the place, or between it and something else, become vacant: new nodes of the same entity take their
+  /// numbers, the lowest first.
   Parents parents_of(const SplitPlace& place, const std::vector<Member>& members) {
-    const std::size_t stride = weights_.size();
     Parents parents;
     vacant_.clear();
-    next_vacant_ = 0;
+    const Member& cell = *std::ranges::find_if(members, [&](const Member& member) { return is_cell(member); });
+    parents.inside = classified_ ? NodeClass{result_.dimension, block_of(cell).entity} : NodeClass{-1, 0};
     for (const Member& member : members) {
-      const auto* nodes = result_.blocks[member.block].nodes.data() + member.element * stride;
-      parents.nodes.emplace_back(nodes, nodes + stride);
+      const Weights& weights = weights_.at(block_of(member).shape);
+      const auto* nodes = block_of(member).nodes.data() + member.element * weights.size();
+      const VertexNodes vertices = vertex_nodes(block_of(member).shape, nodes);
+      parents.nodes.emplace_back(nodes, nodes + weights.size());
       parents.positions.push_back(detail::node_positions(result_.coordinates, parents.nodes.back()));
-      const std::vector<int> local = local_vertices(place, nodes);
-      for (std::size_t n = 0; n < stride; ++n) {
-        if (std::ranges::all_of(local, [&](int v) { return weights_[n][at(v)] > 0; }))
-          vacant_.push_back(nodes[n]);
-        else
-          parents.known.emplace(key({nodes[0], nodes[1], nodes[2], nodes[3]}, n), nodes[n]);
+      const std::vector<int> local = local_vertices(place, vertices);
+      for (std::size_t n = 0; n < weights.size(); ++n) {
+        VertexNodes between{-1, -1, -1, -1};
+        for (std::size_t v = 0; v < 4; ++v)
+          if (weights[n][v] > 0) between[v] = vertices[v];
+        std::ranges::sort(between);
+        if (std::ranges::any_of(local, [&](int v) { return weights[n][at(v)] == 0; })) {
+          parents.known.emplace(key(vertices, weights[n]), nodes[n]);
+          continue;
+        }
+        if (classified_) parents.classes.try_emplace(between, class_of_node(nodes[n]));
+        vacant_[class_of(parents, between)].push_back(nodes[n]);
+      }
+      if (classified_ && !is_cell(member)) {  // also without nodes between all its vertices
+        for (VertexNodes between : {vertices, vertex_nodes_of(place)}) {
+          std::ranges::sort(between);
+          parents.classes.try_emplace(between, dimension_of(member), block_of(member).entity);
+        }
       }
     }
-    std::ranges::sort(vacant_);
-    vacant_.erase(std::unique(vacant_.begin(), vacant_.end()), vacant_.end());
+    for (auto& [of, vacant] : vacant_) {
+      std::ranges::sort(vacant, std::greater<>());
+      vacant.erase(std::unique(vacant.begin(), vacant.end()), vacant.end());
+    }
     return parents;
   }
+
+  NodeClass class_of_node(std::int32_t node) const {
+    const auto after = std::ranges::upper_bound(result_.node_blocks, node, {}, &NodeBlock::first);
+    return {std::prev(after)->dimension, std::prev(after)->entity};
+  }
+
+  bool is_cell(const Member& member) const { return dimension_of(member) == result_.dimension; }
+  static VertexNodes vertex_nodes_of(const SplitPlace& place) { return {place[0], place[1], place[2], -1}; }
 
   RepairStep cut(const SplitPlace& place, const std::vector<Member>& members) {
     assert(!members.empty());
     RepairStep step;
     for (int k = 0; k < vertex_count(place); ++k) step.vertices.push_back(result_.node_numbers[at(place[at(k)])]);
     Parents parents = parents_of(place, members);
-    const std::int32_t centre = new_node();  // with a new number, above all others
+    const std::int32_t centre = new_node(class_of(parents, vertex_nodes_of(place)));  // its number is above all others
     step.node = result_.node_numbers[at(centre)];
     for (std::size_t m = 0; m < members.size(); ++m) {
-      const std::vector<int> local = local_vertices(place, parents.nodes[m].data());
+      const Shape shape = block_of(members[m]).shape;
+      const VertexNodes whole = vertex_nodes(shape, parents.nodes[m].data());
+      const std::vector<int> local = local_vertices(place, whole);
       for (std::size_t part = 0; part < local.size(); ++part) {
-        std::array<std::int32_t, 4> vertices{parents.nodes[m][0], parents.nodes[m][1], parents.nodes[m][2],
-                                             parents.nodes[m][3]};
+        VertexNodes vertices = whole;
         vertices[at(local[part])] = centre;
-        const Eigen::MatrixXd x = pattern(local, local[part]) * parents.positions[m];
-        put(members[m], part, nodes_of_part(vertices, x, parents.known), step);
+        const Eigen::MatrixXd x = pattern(shape, local, local[part]) * parents.positions[m];
+        put(members[m], part, nodes_of_part(shape, vertices, x, {place, centre}, parents), step);
       }
     }
     step.kind = vertex_count(place) == 2 ? RepairStep::Kind::SplitEdge : RepairStep::Kind::SplitFace;
-    step.sentence = sentence(step);
+    step.sentence = sentence(step, !is_cell(members.front()), block_of(members.back()).shape);
     return step;
   }
 
-  std::vector<std::int32_t> nodes_of_part(const std::array<std::int32_t, 4>& vertices, const Eigen::MatrixXd& x,
-                                          std::map<NodeKey, std::int32_t>& known) {
-    std::vector<std::int32_t> nodes(weights_.size());
+  struct Cut {
+    const SplitPlace& place;
+    std::int32_t centre;
+  };
+
+  std::vector<std::int32_t> nodes_of_part(Shape shape, const VertexNodes& vertices, const Eigen::MatrixXd& x,
+                                          const Cut& cut, Parents& parents) {
+    const Weights& weights = weights_.at(shape);
+    std::vector<std::int32_t> nodes(weights.size());
     for (std::size_t n = 0; n < nodes.size(); ++n) {
-      const auto [entry, is_new] = known.try_emplace(key(vertices, n), -1);
+      const NodeKey name = key(vertices, weights[n]);
+      const auto [entry, is_new] = parents.known.try_emplace(name, -1);
       if (is_new) {
-        entry->second = n < 4 ? vertices[n] : vacant_or_new_node();
+        entry->second = n < at(reference::info(shape).vertices)
+                            ? vertices[n]
+                            : vacant_or_new_node(class_of(parents, between_in_parent(name, cut)));
         for (int c = 0; c < 3; ++c)
           result_.coordinates[3 * at(entry->second) + at(c)] = x(static_cast<Eigen::Index>(n), c);
       }
@@ -204,9 +289,24 @@ class Splitter {
     return nodes;
   }
 
-  std::int32_t new_node() {
+  /// The vertices of the parent between which a new node lies. Each part has one vertex of the place at most less than
+  /// its parent, so there are at most four.
+  static VertexNodes between_in_parent(const NodeKey& name, const Cut& cut) {
+    VertexNodes result{-1, -1, -1, -1};
+    std::size_t count = 0;
+    const auto add = [&](std::int32_t vertex) {
+      if (vertex >= 0 && vertex != cut.centre && std::ranges::find(result, vertex) == result.end())
+        result[count++] = vertex;
+    };
+    for (const auto& [vertex, weight] : name) add(vertex);
+    for (const std::int32_t vertex : cut.place) add(vertex);
+    return result;
+  }
+
+  std::int32_t new_node(const NodeClass& of) {
     result_.coordinates.resize(result_.coordinates.size() + 3);
     result_.node_numbers.push_back(++last_node_);
+    new_classes_.push_back(of);
     return static_cast<std::int32_t>(result_.node_count()) - 1;
   }
 
@@ -215,29 +315,33 @@ class Splitter {
     ElementBlock& block = result_.blocks[member.block];
     if (part == 0) {
       std::ranges::copy(nodes, block.nodes.begin() + static_cast<std::ptrdiff_t>(member.element * nodes.size()));
-      step.elements.push_back(block.numbers[member.element]);
+      if (is_cell(member)) step.elements.push_back(block.numbers[member.element]);
       return;
     }
     const std::size_t repeats = block.repeat_numbers.size() / block.size();
     block.nodes.insert(block.nodes.end(), nodes.begin(), nodes.end());
     block.numbers.push_back(++last_element_);
     for (std::size_t r = 0; r < repeats; ++r) block.repeat_numbers.push_back(++last_element_);
-    step.new_elements.push_back(block.numbers.back());
+    parents_[member.block].push_back(member.element);
+    if (is_cell(member)) step.new_elements.push_back(block.numbers.back());
   }
 
   HighOrderMesh result_;
   int order_;
-  std::vector<std::array<std::int32_t, 4>> weights_;  // of each node of a tetrahedron, on its vertices
+  bool classified_ = false;
+  std::map<Shape, Weights> weights_;  // by shape: of each node, on the vertices
   std::map<std::vector<int>, Eigen::MatrixXd> patterns_;
   std::int64_t last_node_ = 0, last_element_ = 0;
-  std::vector<std::int32_t> vacant_;
-  std::size_t next_vacant_ = 0;
+  std::map<NodeClass, std::vector<std::int32_t>> vacant_;  // the lowest last
+  std::vector<NodeClass> new_classes_;                     // of the nodes that the place under way has added
+  SplitParents parents_;
 };
 
 }  // namespace
 
-HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps) {
-  return Splitter(mesh).split(places, steps);
+HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps,
+                    SplitParents* parents) {
+  return Splitter(mesh).split(places, steps, parents);
 }
 
 }  // namespace varimesh

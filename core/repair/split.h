@@ -1,4 +1,4 @@
-// Splits interior edges and faces of tetrahedra without a change of shape.
+// Splits edges and faces of tetrahedra and triangles without a change of shape.
 #pragma once
 
 #include <algorithm>
@@ -23,21 +23,26 @@ inline SplitPlace face_place(std::int32_t a, std::int32_t b, std::int32_t c) {
 }
 inline int vertex_count(const SplitPlace& place) { return place[2] < 0 ? 2 : 3; }
 
-/// Splits each edge in two and each face in three, and with it every tetrahedron that it bounds. A part of a
-/// tetrahedron has the new vertex in place of one of the edge's or face's vertices.
+/// By block of the mesh: the index of the parent of each new element, in their order.
+using SplitParents = std::vector<std::vector<std::size_t>>;
+
+/// Splits each edge in two and each face in three, and with it every line, triangle and tetrahedron that it bounds. A
+/// part of an element has the new vertex in place of one of the edge's or face's vertices.
 ///
-/// The new vertex lies at the edge's midpoint or the face's centroid as the curved tetrahedra have it. The parent's
+/// The new vertex lies at the edge's midpoint or the face's centroid as the curved elements have it. The parent's
 /// polynomial gives all other nodes of the parts, so no shape changes. Nodes that parts share are found by their
 /// vertices and their place between them, so the mesh conforms. Nodes of everything that is not split stay bit for bit.
 ///
-/// Numbers stay, too. If a node's edge, face or cell disappears, its number is given to a new node. Further new nodes
-/// get numbers above the highest there is and come last. New elements also come last within their block, in the same
-/// entities and physical groups.
+/// Numbers stay, too. If a node's edge, face or cell disappears, its number is given to a new node of the same entity.
+/// Further new nodes get numbers above the highest there is and come last. New elements also come last within their
+/// block, in the same entities and physical groups.
 ///
-/// Adds a step to `steps` for each place.
+/// Adds a step to `steps` for each place; it names cells only.
 ///
-/// Requirements: every place is inside the mesh, all elements around it are tetrahedra of the mesh's order, no element
-/// of a lower dimension lies on it, and no two places share a tetrahedron.
-HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps);
+/// Requirements: all elements around every place are simplices of the mesh's order, at least one of them a cell, and no
+/// two places share a cell.
+/// @param parents  if not null, receives where the new elements come from
+HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps,
+                    SplitParents* parents = nullptr);
 
 }  // namespace varimesh

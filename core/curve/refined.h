@@ -1,0 +1,33 @@
+// A curved mesh whose edges were split gets its new nodes onto the geometry.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/association/association.h"
+#include "core/base/team.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh {
+
+/// The vertex at which an edge was split.
+struct NewVertex {
+  std::int32_t node = -1;
+  std::array<std::int32_t, 2> ends{};  ///< The ends of the edge.
+};
+
+/// Puts the nodes that came with new vertices where core/curve/curve.h puts those of a straight mesh: new vertices to
+/// the middle of their edge on its curve or surface, and the nodes of edges and faces with a new vertex between their
+/// vertices. Nodes inside cells with a new vertex are blended from those around. All other nodes stay. So it does not
+/// matter whether the edges that were split had folded elements.
+///
+/// All cells with a new vertex are triangles or tetrahedra.
+/// @param association         that of the mesh before it was split; becomes that of `mesh`
+/// @param surface_of_element  as Association has it, of `mesh`
+/// Call it inside team.run().
+void place_refined(HighOrderMesh& mesh, Association& association, std::vector<std::vector<int>> surface_of_element,
+                   std::span<const NewVertex> vertices, const Team& team);
+
+}  // namespace varimesh
