@@ -29,6 +29,7 @@
 #include "core/base/machine_memory.h"
 #include "core/base/version.h"
 #include "server/addresses.h"
+#include "server/api/endpoint.h"
 #include "server/command_line/flags.h"
 #include "server/fetch/fetch.h"
 #include "server/isolation/process_engine.h"
@@ -240,6 +241,7 @@ int main(int argc, char** argv) {
   // Other programs of this user can neither trace this process nor read its memory and environment, which have secrets.
   prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
   varimesh::return_large_blocks();
+  varimesh::server::keep_connections_small();
   if (const auto status = varimesh::server::run_command(argc, argv)) return *status;
   int exit_status = 0;
   auto flags = varimesh::server::parse_flags(argc, argv, &exit_status);

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "server/access/reflection_guard.h"
 #include "server/addresses.h"
@@ -17,6 +18,9 @@ namespace {
 
 /// Threads that wait more than they work: for the calls that ask the job store, and for those that move files and hash.
 constexpr int kPoolThreads = 4, kFileThreads = 4;
+
+/// Bytes that a connection reads at once, and keeps room for while it waits.
+constexpr int kReadAtOnce = 256 << 10;
 
 /// For how long after a refused connection the server counts as full. Longer than between two calls to itself.
 constexpr std::chrono::seconds kFull{15};
@@ -31,12 +35,19 @@ void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
   // A message of 2 MB can expand to 2 GB before anybody looks at it. Meshes are compressed by zstd, piece by piece.
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  builder.AddChannelArgument(GRPC_ARG_TCP_MAX_READ_CHUNK_SIZE, kReadAtOnce);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, in_milliseconds(limits.handshake_timeout));
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, in_milliseconds(limits.connection_idle));
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, in_milliseconds(limits.connection_age));
 }
 
 }  // namespace
+
+void keep_connections_small() {
+  // gRPC 1.51 can allocate what it reads into in pieces of 64 KiB. It then looks at no limit, and an open connection
+  // keeps as much as it has ever read at once: several megabytes. Other versions may not know this switch.
+  if (grpc::Version().starts_with("1.51.")) ::setenv("GRPC_EXPERIMENTS", "-tcp_read_chunks", 0);
+}
 
 Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits,
                    const PageTokens& pages, TimePoint start_time, Metrics* metrics)

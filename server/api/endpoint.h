@@ -20,6 +20,9 @@
 
 namespace varimesh::server {
 
+/// Lets a connection that waits keep little memory. To be called before gRPC is used, while the process has one thread.
+void keep_connections_small();
+
 /// Answers calls from listen() until stop().
 class Endpoint {
  public:
