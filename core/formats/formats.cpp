@@ -110,7 +110,7 @@ Expected<void> complete(HighOrderMesh& mesh, std::int64_t file_bytes, int thread
   std::int64_t taken = std::int64_t(mesh.node_count()) * std::int64_t(4 * sizeof(double));
   for (const ElementBlock& block : mesh.blocks)
     taken += std::int64_t(block.nodes.size() * sizeof(std::int32_t) + block.size() * sizeof(std::int64_t));
-  Allowance allowance(most_memory_to_read(file_bytes, threads) - taken, stop);
+  Allowance allowance(most_memory_to_read(file_bytes, threads) - taken, stop, WithheldMemory::current());
   const auto done = complete_elements(mesh, allowance);
   if (!done) return tl::unexpected(done.error());
   note_reading(mesh, done->sentences);

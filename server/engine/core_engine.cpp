@@ -7,11 +7,13 @@
 #include <string>
 #include <utility>
 
+#include "core/base/io/allowance.h"
 #include "core/base/stop_token.h"
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
 #include "core/formats/reading_notes.h"
+#include "core/formats/usual_memory.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
@@ -168,11 +170,19 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
   const auto size = static_cast<std::int64_t>(bytes.size());
   const int threads =
       std::min(request.options.threads, most_threads(static_cast<double>(bytes.size()), kBytesPerThread));
-  if (hooks.admit_reading) {
-    const auto admitted = hooks.admit_reading(formats::least_memory(size), formats::most_memory_to_read(size, threads));
-    if (!admitted) return tl::unexpected(admitted.error());
-    if (!*admitted) return std::nullopt;
-  }
+  const std::int64_t seldom = request.format == v1::MESH_FORMAT_PARTS ? 0 : formats::seldom_needed_to_read(bytes);
+  std::int64_t claimed = formats::most_memory_to_read(size, threads) - seldom;
+  bool admitted = true;
+  const auto claim = [&](std::int64_t more) -> Expected<bool> {
+    if (!hooks.admit_reading) return true;
+    const auto answer = hooks.admit_reading(formats::least_memory(size), claimed += more);
+    admitted = answer && *answer;
+    return answer;
+  };
+  if (const auto first = claim(0); !first || !*first)
+    return first ? Expected<std::optional<formats::MeshFile>>(std::nullopt) : tl::unexpected(first.error());
+  WithheldMemory withheld(seldom, [&](std::int64_t more) { return claim(more).value_or(false); });
+  const WithheldMemory::Scope scope(&withheld);
   double& limit = request.options.time_limit;
   // A run that is stopped hands out the mesh as it came, so a mesh that is nearly read is read to its end.
   std::atomic<bool> asked = false;
@@ -189,7 +199,7 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
   const Stopwatch watch;
   auto file = read_mesh(bytes, request.format, threads, stop);
   request.input.reset();
-  if (stop.reason() == StopToken::Reason::Asked) return std::nullopt;
+  if (stop.reason() == StopToken::Reason::Asked || !admitted) return std::nullopt;
   if (stop.reason() == StopToken::Reason::TimeLimit)
     return bad_input("The time limit passed while the mesh was read; allow more seconds, or none (0).");
   if (!file) return tl::unexpected(file.error());

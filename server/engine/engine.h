@@ -61,8 +61,8 @@ struct RunHooks {
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
   /// must be set. Every run adds what its kernels do to `control.meter`.
   RunControl control;
-  /// Called before the mesh is read, with the least and the most memory that reading it takes, in bytes. Waits until
-  /// there is enough or the run is to stop. False if it is to stop. Errors: BadInput if there can never be the least.
+  /// Called before the mesh is read, and up to twice meanwhile, with the least and the most memory, in bytes, that this
+  /// takes. Waits until there is enough. False if the run is to stop. Errors: BadInput if there can never be the least.
   std::function<Expected<bool>(std::int64_t least, std::int64_t most)> admit_reading;
   /// Called once the mesh is read, with the memory that the run needs, in bytes, the mesh included. Waits until there
   /// is enough or the run is to stop. False if it is to stop and there is not enough. Errors: BadInput if there can

@@ -29,7 +29,8 @@ class Assembler {
  public:
   /// `bytes`: the size of all parts together. `stop` may be null.
   explicit Assembler(std::size_t bytes, const StopToken* stop)
-      : bytes_(bytes), allowance_(most_mesh_memory(static_cast<std::int64_t>(bytes)), stop) {}
+      : bytes_(bytes),
+        allowance_(most_mesh_memory(static_cast<std::int64_t>(bytes)), stop, WithheldMemory::current()) {}
 
   std::string take(const v1::MeshPart& part) {
     allowance_.look();

@@ -18,6 +18,8 @@ using google::protobuf::io::CodedInputStream;
 
 /// More memory, in bytes, than any machine has. Sums of a few such numbers do not overflow.
 constexpr std::int64_t kMostMemory = std::int64_t{1} << 50;
+/// How often a process asks for memory to read its mesh (core/base/io/allowance.h).
+constexpr int kMostClaims = 3;
 /// A node takes more than 240 bytes of a run and at most 85 of a text; a number of a connectivity 4 bytes, and at most
 /// 11. What is beside them is small.
 constexpr std::int64_t kOutputPerMemory = 4, kOutputBeside = std::int64_t{64} << 20;
@@ -115,10 +117,12 @@ void Said::check(const worker::FromWorker& message) {
       return require(message.work().done() >= 0 && message.work().of() >= 0 && message.work().groups_left() >= 0,
                      "told of work with negative numbers");
     case Kind::kReading:
-      require(!std::exchange(asked_to_read_, true), "asked for memory to read twice");
-      return require(is_size(message.reading().least()) && is_size(message.reading().most()) &&
-                         message.reading().least() <= message.reading().most(),
-                     "asked for a size of memory that cannot be");
+      require(!asked_to_run_ && ++asked_to_read_ <= kMostClaims, "asked for memory to read too often");
+      require(is_size(message.reading().least()) && is_size(message.reading().most()) &&
+                  message.reading().least() <= message.reading().most() && message.reading().most() >= to_read_,
+              "asked for a size of memory that cannot be");
+      to_read_ = message.reading().most();
+      return;
     case Kind::kRunning:
       require(!std::exchange(asked_to_run_, true), "asked for memory to run twice");
       return require(is_size(message.running().most()), "asked for a size of memory that cannot be");

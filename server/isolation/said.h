@@ -49,8 +49,9 @@ class Said {
 
   const int most_outputs_;
   int outputs_ = 0;
-  bool started_ = false, asked_to_read_ = false, asked_to_run_ = false;
-  std::int64_t admitted_ = 0, written_ = 0, output_ = 0, checkpoint_ = 0, history_ = 0;
+  bool started_ = false, asked_to_run_ = false;
+  int asked_to_read_ = 0;
+  std::int64_t to_read_ = 0, admitted_ = 0, written_ = 0, output_ = 0, checkpoint_ = 0, history_ = 0;
   Time heard_ = std::chrono::steady_clock::now();
 };
 

@@ -4,8 +4,11 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <utility>
 #include <vector>
 
 #include "core/base/stop_token.h"
@@ -68,14 +71,58 @@ void reserve_large(Vector& values, std::size_t size) {
     prefer_large_pages(values.data(), values.capacity() * sizeof(typename Vector::value_type));
 }
 
+/// What a reading may not take of its most memory until it has asked. Most files never need it.
+class WithheldMemory {
+ public:
+  /// `get`: waits for that many bytes of it; false: the reading is to stop. Called twice at most.
+  WithheldMemory(std::int64_t bytes, std::function<bool(std::int64_t bytes)> get)
+      : bytes_(bytes), get_(std::move(get)) {}
+
+  /// Gets at least as much as leaves `most` withheld. Throws Interrupted if the reading is to stop.
+  void leave(std::int64_t most) {
+    if (bytes_ <= most) return;
+    const std::int64_t then = std::exchange(has_asked_, true) ? 0 : std::min(most, bytes_ / 2);
+    if (!get_(bytes_ - then)) throw Interrupted();
+    bytes_ = then;
+  }
+
+  /// For the readings of this thread that begin while it lives.
+  class Scope {
+   public:
+    explicit Scope(WithheldMemory* memory) : before_(std::exchange(current(), memory)) {}
+    ~Scope() { current() = before_; }
+    Scope(const Scope&) = delete;
+    Scope& operator=(const Scope&) = delete;
+
+   private:
+    WithheldMemory* const before_;
+  };
+  /// Null if nothing is withheld.
+  static WithheldMemory*& current() {
+    static thread_local WithheldMemory* memory = nullptr;
+    return memory;
+  }
+
+ private:
+  std::int64_t bytes_;
+  bool has_asked_ = false;
+  const std::function<bool(std::int64_t bytes)> get_;
+};
+
 /// Counts the memory of one mesh while it is read. One thread at a time.
 class Allowance {
  public:
-  /// `stop` may be null.
-  explicit Allowance(std::int64_t most, const StopToken* stop = nullptr) : left_(most), stop_(stop) {}
+  /// `stop` may be null. `withheld`: what of the most has to be asked for first; may be null.
+  explicit Allowance(std::int64_t most, const StopToken* stop = nullptr, WithheldMemory* withheld = nullptr)
+      : left_(most), stop_(stop), withheld_(withheld) {}
 
-  /// Returns false if this is more than is left. It counts all the same, so that give_back() is right.
-  bool take(std::size_t bytes) { return (left_ -= std::int64_t(bytes)) >= 0; }
+  /// Returns false if this is more than is left. It counts all the same, so that give_back() is right. May wait for
+  /// withheld memory. Throws Interrupted if reading is to stop meanwhile.
+  bool take(std::size_t bytes) {
+    left_ -= std::int64_t(bytes);
+    if (withheld_ != nullptr && left_ >= 0) withheld_->leave(left_);
+    return left_ >= 0;
+  }
   void give_back(std::size_t bytes) { left_ += std::int64_t(bytes); }
 
   /// Makes room for `more` elements, and returns false if there is too little memory. Room for a single element grows
@@ -108,6 +155,7 @@ class Allowance {
  private:
   std::int64_t left_;
   const StopToken* stop_;
+  WithheldMemory* withheld_;
   unsigned records_ = 0;
 };
 

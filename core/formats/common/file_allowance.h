@@ -22,7 +22,7 @@ class FileAllowance {
  public:
   /// `stop` may be null.
   explicit FileAllowance(std::size_t file_bytes, const StopToken* stop = nullptr)
-      : allowance_(most_file_memory(std::int64_t(file_bytes)), stop) {}
+      : allowance_(most_file_memory(std::int64_t(file_bytes)), stop, WithheldMemory::current()) {}
 
   /// Must come before the memory is taken. Throws Interrupted if reading is to stop.
   void take(std::size_t count, std::size_t bytes_each) {

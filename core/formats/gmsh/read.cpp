@@ -218,7 +218,7 @@ bool begins_like_gmsh(std::string_view bytes) {
 }
 
 Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
-  Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop());
+  Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop(), WithheldMemory::current());
   GmshReading reading{team, allowance, Scanner(bytes), {}, Format::Auto, 0, {}, {}, false, false};
   Scanner& scan = reading.scanner;
   scan.allowance = &allowance;

@@ -235,7 +235,7 @@ void read_vertex_coordinates(MfemReading& reading) {
 bool begins_like_mfem(std::string_view bytes) { return bytes.starts_with("MFEM "); }
 
 Expected<MeshFile> read_mfem(std::string_view bytes, const Team& team) {
-  Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop());
+  Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop(), WithheldMemory::current());
   MfemReading reading{team, Scanner(bytes), {}, {}, 0};
   Scanner& scan = reading.scanner;
   scan.allowance = &allowance;

@@ -7,8 +7,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/io/allowance.h"
 #include "core/formats/formats.h"
 #include "core/formats/gmsh/types.h"
+#include "core/formats/usual_memory.h"
 #include "core/formats/xml/encoding.h"
 #include "tests/core/memory/counted_heap.h"
 #include "tests/core/support/meshes.h"
@@ -240,6 +242,88 @@ TEST(MemoryOfReading, ARefusalSaysWhy) {
   peak_of_reading(msh_files().front().bytes, 1, outcome);
   EXPECT_NE(outcome.find("very many very small parts"), std::string::npos) << outcome;
   EXPECT_NE(outcome.find("in $Elements, line"), std::string::npos) << outcome;
+}
+
+/// What a reading gets besides what it may take at first.
+struct Asked {
+  int times = 0;
+  std::int64_t bytes = 0;
+};
+
+/// As peak_of_reading(), for a caller who withholds what is seldom needed.
+std::int64_t peak_with_claims(const std::string& bytes, int threads, std::string& outcome, Asked& asked) {
+  WithheldMemory withheld(formats::seldom_needed_to_read(bytes), [&](std::int64_t more) {
+    ++asked.times;
+    asked.bytes += more;
+    return true;
+  });
+  const WithheldMemory::Scope scope(&withheld);
+  return peak_of_reading(bytes, threads, outcome);
+}
+
+void expect_within_claims(const std::vector<File>& files, int& more) {
+  for (const File& file : files)
+    for (const int threads : {1, 3}) {
+      std::string outcome;
+      Asked asked;
+      const std::int64_t peak = peak_with_claims(file.bytes, threads, outcome, asked);
+      const auto size = std::int64_t(file.bytes.size());
+      const std::int64_t seldom = formats::seldom_needed_to_read(file.bytes);
+      EXPECT_LE(peak, formats::most_memory_to_read(size, threads) - seldom + asked.bytes) << file.name << outcome;
+      EXPECT_LE(asked.times, 2) << file.name;
+      EXPECT_LE(asked.bytes, seldom) << file.name;
+      more += asked.times > 0 ? 1 : 0;
+    }
+}
+
+TEST(MemoryOfReading, UnusualFilesAskForMoreBeforeTheyTakeIt) {
+  int more = 0;
+  expect_within_claims(msh_files(), more);
+  expect_within_claims(mfem_files(), more);
+  EXPECT_GT(more, 0);
+}
+
+TEST(MemoryOfReading, EndsIfMoreIsNotGiven) {
+  const std::vector<File> files = msh_files();
+  for (const File& file : files) {
+    int asked = 0;
+    WithheldMemory withheld(formats::most_memory_to_read(std::int64_t(file.bytes.size())), [&](std::int64_t) {
+      ++asked;
+      return false;
+    });
+    const WithheldMemory::Scope scope(&withheld);
+    const auto read = formats::read(file.bytes, 3);
+    ASSERT_FALSE(read) << file.name;
+    EXPECT_EQ(asked, 1) << file.name;
+  }
+}
+
+TEST(MemoryOfReading, OrdinaryMeshesTakeWhatIsUsual) {
+  for (const testing::Filling filling : testing::kFillings)
+    for (const int order : {1, 2, 4})
+      for (const formats::FormatInfo& format : formats::all()) {
+        // The regular lists of these grids compress to a small part of their size.
+        if (!format.readable || format.format == formats::Format::Nektar) continue;
+        const int count = testing::is_plane(filling) ? 200 / order : 24 / order;
+        const HighOrderMesh mesh =
+            testing::grid(filling, {count, count, testing::is_plane(filling) ? 1 : count}, order);
+        std::string bytes;
+        if (!formats::write(mesh, format.format, [&](std::string_view piece) {
+              bytes += piece;
+              return true;
+            }))
+          continue;
+        for (const int threads : {1, 3}) {
+          std::string outcome;
+          Asked asked;
+          const std::int64_t peak = peak_with_claims(bytes, threads, outcome, asked);
+          const std::int64_t usual = 8 * std::int64_t(bytes.size()) - formats::seldom_needed_to_read(bytes);
+          constexpr std::int64_t kPieces = std::int64_t{1} << 20;
+          EXPECT_EQ(outcome, "read");
+          EXPECT_EQ(asked.times, 0) << format.name << ", order " << order;
+          EXPECT_LE(peak, usual + threads * kPieces) << format.name << ", order " << order << ", " << bytes.size();
+        }
+      }
 }
 
 TEST(MemoryOfReading, OrdinaryMeshesTakeFarLessThanTheBound) {

@@ -1,12 +1,15 @@
 // The engine that uses the numerical library.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "core/formats/usual_memory.h"
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/most_threads.h"
@@ -184,6 +187,39 @@ TEST(CoreEngine, RefusesAFormatThatCannotHoldTheSidesBeforeItComputes) {
     }
 }
 
+TEST(CoreEngine, AsksForMoreMemoryOnlyIfTheMeshTurnsOutToNeedIt) {
+  constexpr int kMany = 600'000;
+  std::string groups =
+      "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$EndNodes\n$Elements\n" +
+      std::to_string(kMany) + "\n";
+  for (int i = 1; i <= kMany; ++i) groups += "1 15 1 " + std::to_string(i) + " 1\n";
+  RunRequest request;
+  request.input = std::make_shared<Bytes>(groups + "$EndElements\n");
+  request.options.threads = 1;
+  std::vector<std::int64_t> claims;
+  bool gives = true;
+  RunHooks hooks;
+  hooks.control.stop_asked = [] { return false; };
+  hooks.admit_reading = [&](std::int64_t, std::int64_t most) -> Expected<bool> {
+    claims.push_back(most);
+    return gives || claims.size() == 1;
+  };
+  const auto most = formats::most_memory_to_read(static_cast<std::int64_t>(request.input->bytes().size()));
+  EXPECT_FALSE(core_engine().run(request, hooks)) << "it has no cells";
+  ASSERT_GE(claims.size(), 2u);
+  EXPECT_LE(claims.size(), 3u);
+  EXPECT_TRUE(std::ranges::is_sorted(claims));
+  EXPECT_LT(claims.front(), most);
+  EXPECT_LE(claims.back(), most);
+
+  claims.clear();
+  gives = false;
+  const auto given_up = core_engine().run(request, hooks);
+  ASSERT_TRUE(given_up) << given_up.error().sentence;
+  EXPECT_TRUE(given_up->stopped);
+  EXPECT_EQ(claims.size(), 2u);
+}
+
 /// A file of many nodes that is read in a fraction of a second.
 std::string many_nodes() {
   std::string text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n400000\n";
@@ -217,7 +253,9 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
   ASSERT_TRUE(cancelled) << cancelled.error().sentence;
   EXPECT_TRUE(cancelled->stopped);
   EXPECT_GT(least, 0);
-  EXPECT_EQ(most, formats::most_memory_to_read(static_cast<std::int64_t>(request.input->bytes().size())));
+  const std::string_view bytes = request.input->bytes();
+  EXPECT_EQ(most, formats::most_memory_to_read(static_cast<std::int64_t>(bytes.size())) -
+                      formats::seldom_needed_to_read(bytes));
 
   asked = 0;
   hooks.control.stop_asked = [] { return false; };

@@ -55,15 +55,29 @@ TEST(Said, RefusesNumbersThatCannotBe) {
   EXPECT_THROW(Said(1).check(message), ProcessLost);
 }
 
-TEST(Said, AsksForMemoryOnlyOnce) {
+TEST(Said, AsksForMemoryToRunOnlyOnce) {
   Said said(1);
   FromWorker message;
   message.mutable_running()->set_most(1000);
   said.check(message);
   EXPECT_THROW(said.check(message), ProcessLost);
   message.mutable_reading()->set_most(1000);
-  said.check(message);
+  EXPECT_THROW(said.check(message), ProcessLost) << "what it has would be claimed no more";
+}
+
+TEST(Said, AsksForMoreMemoryToReadAFewTimes) {
+  Said said(1);
+  FromWorker message;
+  for (const std::int64_t bytes : {1000, 2000, 3000}) {
+    message.mutable_reading()->set_most(bytes);
+    said.check(message);
+  }
+  message.mutable_reading()->set_most(4000);
   EXPECT_THROW(said.check(message), ProcessLost);
+  Said less(1);
+  less.check(message);
+  message.mutable_reading()->set_most(3000);
+  EXPECT_THROW(less.check(message), ProcessLost);
 }
 
 TEST(Said, WritesNoMoreResultsThanWereAskedFor) {
