@@ -13,7 +13,8 @@ namespace varimesh::server {
 /// Whether this is the address of a PostgreSQL database: postgresql://… or postgres://….
 bool is_postgres(const std::string& address);
 
-/// BadOption if the address cannot be read, if it contains a password, or if this program was built without libpq.
+/// BadOption if the address cannot be read or has a password, if it is of another machine and leaves open whether to
+/// encrypt (sslmode), or without libpq.
 Expected<void> check_postgres(const std::string& address);
 
 /// Opens the job store. Requires that check_postgres() has accepted the address. Output if the database cannot be

@@ -103,6 +103,27 @@ TEST(PostgresAddress, IsRefusedWithAPassword) {
   }
 }
 
+TEST(PostgresAddress, OfAnotherMachineSaysWhetherToEncrypt) {
+  for (const char* mode : {"disable", "prefer", "require", "verify-full"})
+    EXPECT_TRUE(check_postgres(std::string("postgresql://farm@db.example/jobs?sslmode=") + mode)) << mode;
+  for (const char* address : {"postgresql:///jobs", "postgresql://localhost/jobs", "postgresql://127.0.0.1:5433/jobs",
+                              "postgresql://[::1]/jobs", "postgresql:///jobs?host=/run/postgresql,localhost"})
+    EXPECT_TRUE(check_postgres(address)) << address;
+  const auto refused = {"postgresql://db.example/jobs", "postgresql:///jobs?hostaddr=192.0.2.1",
+                        "postgresql:///jobs?host=/run/postgresql,db.example", "postgresql://localhost.example/jobs"};
+  for (const char* address : refused) {
+    const auto checked = check_postgres(address);
+    ASSERT_FALSE(checked) << address;
+    EXPECT_NE(checked.error().sentence.find("sslmode"), std::string::npos) << checked.error().sentence;
+  }
+  ::setenv("PGHOST", "db.example", 1);
+  EXPECT_FALSE(check_postgres("postgresql:///jobs"));
+  ::setenv("PGSSLMODE", "require", 1);
+  for (const char* address : refused) EXPECT_TRUE(check_postgres(address)) << address;
+  ::unsetenv("PGSSLMODE");
+  ::unsetenv("PGHOST");
+}
+
 TEST(PostgresAddress, ThatNobodyAnswersIsReported) {
   const auto store = open_postgres("postgresql:///jobs?host=/tmp/there-is-no-such-folder", {}, [](const auto&) {});
   ASSERT_FALSE(store);
