@@ -31,8 +31,10 @@ class KeptRoom {
   /// `path`: empty: no room is kept.
   explicit KeptRoom(const std::string& path)
       : file_(path.empty() ? -1 : ::open(path.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600)) {
+    // A file that was copied may have less room on the disk than bytes.
     struct stat left {};
-    if (file_ >= 0 && ::fstat(file_, &left) == 0) bytes_ = std::min(left.st_size, kBytes);
+    if (file_ >= 0 && ::fstat(file_, &left) == 0)
+      bytes_ = std::min({left.st_size, static_cast<off_t>(left.st_blocks) * 512, kBytes});
     fill();
   }
   ~KeptRoom() {

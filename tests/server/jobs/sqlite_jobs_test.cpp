@@ -1,5 +1,8 @@
 // The files of job stores in SQLite: those that it refuses, and those of older versions.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
 
 #include "server/jobs/sqlite.h"
 #include "tests/server/jobs/job_stores.h"
@@ -26,6 +29,25 @@ TEST(SqliteJobs, FollowsNoLinks) {
   std::filesystem::rename(place.directory() / "jobs.sqlite", place.directory() / "elsewhere");
   std::filesystem::create_symlink(place.directory() / "elsewhere", place.directory() / "jobs.sqlite");
   EXPECT_FALSE(open_sqlite_jobs((place.directory() / "jobs.sqlite").string()));
+}
+
+TEST(SqliteJobs, KeepsItsRoomAlsoAfterARestart) {
+  InFile place;
+  const std::string path = (place.directory() / "jobs.sqlite-room").string();
+  const auto kept = [&] {
+    { const auto store = place.open({}); }
+    struct stat file {};
+    EXPECT_EQ(::stat(path.c_str(), &file), 0);
+    return static_cast<std::int64_t>(file.st_blocks) * 512;
+  };
+  constexpr std::int64_t kRoom = std::int64_t{4} << 20;
+  EXPECT_GE(kept(), kRoom);
+  for (const off_t left : {off_t{0}, off_t{100'000}, off_t{4} << 20}) {  // spent; spent in part; a copy with a hole
+    std::filesystem::remove(path);
+    std::ofstream(path).flush();
+    std::filesystem::resize_file(path, static_cast<std::uintmax_t>(left));
+    EXPECT_GE(kept(), kRoom) << left;
+  }
 }
 
 TEST(SqliteJobs, RefusesFlippedBits) {
