@@ -18,8 +18,9 @@ std::string refusal_unless_utf8(const std::string& value) {
                               "' is not UTF-8 and cannot be sent; a physical group can also be named by its tag.";
 }
 
-std::string refusal_of_a_dash(const std::string& value) {
-  return value == "-" ? "'-' is not a file; for standard input give /dev/stdin." : "";
+std::string name_standard_input(std::string& value) {
+  if (value == "-") value = "/dev/stdin";
+  return "";
 }
 
 /// Prints what is wrong with the command line and where to find help.
@@ -111,8 +112,8 @@ Flag& Flag::utf8() {
   return *this;
 }
 
-Flag& Flag::not_a_dash() {
-  option_->check(CLI::Validator(refusal_of_a_dash, "", "file"));
+Flag& Flag::or_standard_input() {
+  option_->transform(CLI::Validator(name_standard_input, "", "file"));
   return *this;
 }
 

@@ -45,8 +45,8 @@ class Flag {
   Flag& positive();
   Flag& not_negative();
   Flag& one_of(const std::vector<std::string>& words);
-  Flag& utf8();        ///< Nothing else can be sent.
-  Flag& not_a_dash();  ///< "-" means standard input to other programs.
+  Flag& utf8();               ///< Nothing else can be sent.
+  Flag& or_standard_input();  ///< A file, or "-" for standard input.
 
  private:
   CLI::Option* option_;

@@ -19,7 +19,9 @@ struct Arguments {
 int cancel(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
-  const auto job = connection->client->cancel(full_name(arguments.job));
+  const auto name = full_name(connection->client.get(), arguments.job);
+  if (!name) return print_error(name.error());
+  const auto job = connection->client->cancel(*name);
   if (!job) return print_error(job.error());
   if (arguments.common.json)
     print(document(*job));

@@ -8,7 +8,10 @@ namespace varimesh::client {
 Action add_curve(Command program) {
   auto arguments = std::make_shared<OptimiseArguments>();
   Command command = program.add_command("curve", "Make a curved mesh from a straight one and its CAD model");
-  command.add("input", &arguments->input.mesh, "The mesh file to read, of order 1").required().not_a_dash().value("IN");
+  command.add("input", &arguments->input.mesh, "The mesh file to read, of order 1")
+      .required()
+      .or_standard_input()
+      .value("IN");
   add_geometry_flags(command, &arguments->input, false);
   add_run_flags(command, arguments.get());
   command["--geometry"].required();

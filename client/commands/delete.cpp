@@ -16,9 +16,10 @@ struct Arguments {
 int delete_job(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
-  const std::string name = full_name(arguments.job);
-  if (const auto removed = connection->client->remove(name); !removed) return print_error(removed.error());
-  if (arguments.common.json) print({{"job", name}, {"state", "deleted"}});
+  const auto name = full_name(connection->client.get(), arguments.job);
+  if (!name) return print_error(name.error());
+  if (const auto removed = connection->client->remove(*name); !removed) return print_error(removed.error());
+  if (arguments.common.json) print({{"job", *name}, {"state", "deleted"}});
   return kDone;
 }
 

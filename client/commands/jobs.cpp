@@ -40,26 +40,27 @@ Expected<v1::ListJobsRequest> filter_of(const Arguments& arguments) {
 
 void print_no_jobs() { std::cerr << "There are no such jobs on the server." << std::endl; }
 
+/// The size of the terminal that standard output is; zeros if it is none.
+winsize terminal() {
+  winsize size{};
+  if (isatty(STDOUT_FILENO) != 1 || ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0) return {};
+  return size;
+}
+
 void print_table(const std::vector<v1::Job>& jobs) {
-  std::cout << job_heading();
-  for (const v1::Job& job : jobs) std::cout << job_row(job);
+  const std::size_t width = terminal().ws_col > 0 ? terminal().ws_col : kAnyWidth;
+  std::cout << job_heading(width);
+  for (const v1::Job& job : jobs) std::cout << job_row(job, width);
 }
 
 /// Draws as much of the table as the terminal holds, over what was there.
 void draw_table(const std::vector<v1::Job>& jobs) {
-  winsize size{};
-  const bool known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_row > 4;
-  const std::size_t rows = known ? size.ws_row - 3U : 20U, columns = known ? size.ws_col : 80U;
+  const winsize size = terminal();
+  const std::size_t rows = size.ws_row > 4 ? size.ws_row - 3U : 20U, width = size.ws_col > 0 ? size.ws_col : 80U;
   std::string picture = "\x1b[H";
-  const auto add = [&](std::string line) {
-    if (line.ends_with('\n')) line.pop_back();
-    std::size_t end = std::min(columns, line.size());
-    while (end < line.size() && end > 0 && (static_cast<unsigned char>(line[end]) & 0xC0) == 0x80)
-      --end;  // in a letter
-    picture += line.substr(0, end) + "\x1b[K\n";
-  };
-  add(job_heading());
-  for (std::size_t i = 0; i < std::min(rows, jobs.size()); ++i) add(job_row(jobs[i]));
+  const auto add = [&](const std::string& line) { picture += line.substr(0, line.find('\n')) + "\x1b[K\n"; };
+  add(job_heading(width));
+  for (std::size_t i = 0; i < std::min(rows, jobs.size()); ++i) add(job_row(jobs[i], width));
   if (jobs.size() > rows) add("and " + std::to_string(jobs.size() - rows) + " more");
   std::cout << picture << "\x1b[J" << std::flush;
 }

@@ -9,7 +9,7 @@ Action add_optimise(Command program) {
   Command command = program.add_command("optimise", "Optimise a mesh and write the result");
   command.alias("optimize");
   add_input(command, &arguments->input);
-  command["input"].not_a_dash();
+  command["input"].or_standard_input();
   add_geometry_flags(command, &arguments->input, true);
   add_run_flags(command, arguments.get());
   return [arguments] { return optimise(*arguments); };

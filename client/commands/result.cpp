@@ -23,7 +23,9 @@ int result(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   Client* client = connection->client.get();
-  const auto job = client->get(full_name(arguments.job));
+  const auto name = full_name(client, arguments.job);
+  if (!name) return print_error(name.error());
+  const auto job = client->get(*name);
   if (!job) return print_error(job.error());
   Delivery delivery;
   delivery.outputs = *outputs;

@@ -4,6 +4,7 @@
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
 #include "client/jobs/remote_job.h"
+#include "client/process/exit_status.h"
 
 namespace varimesh::client {
 namespace {
@@ -18,7 +19,9 @@ int watch(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   Client* client = connection->client.get();
-  const auto ended = follow(client, full_name(arguments.job), arguments.after, arguments.common, OnInterrupt::LeaveJob);
+  const auto name = full_name(client, arguments.job);
+  if (!name) return print_error(name.error());
+  const auto ended = follow(client, *name, arguments.after, arguments.common, OnInterrupt::LeaveJob);
   if (!ended) return ended.error();
   return deliver(client, *ended, {}, arguments.common);
 }

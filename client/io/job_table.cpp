@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <google/protobuf/util/time_util.h>
 
+#include <algorithm>
 #include <ctime>
 #include <map>
 
@@ -13,20 +14,34 @@
 namespace varimesh::client {
 namespace {
 
-std::string row(const std::string& job, const std::string& state, const std::string& submitted,
-                const std::string& seconds, const std::string& iterations, const std::string& words) {
-  std::string line =
-      fmt::format("{:<24}  {:<10}  {:<19}  {:>8}  {:>10}  {}", job, state, submitted, seconds, iterations, words);
-  line.erase(line.find_last_not_of(' ') + 1);
-  return line + "\n";
+/// The text in at most `width` columns, if each letter takes one.
+std::string cut(const std::string& text, std::size_t width) {
+  const auto is_start = [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; };
+  if (static_cast<std::size_t>(std::ranges::count_if(text, is_start)) <= width) return text;
+  std::size_t end = 0;
+  for (std::size_t letters = 0; letters < width; ++end) letters += is_start(text[end]) ? 1 : 0;
+  return text.substr(0, end - 1) + "…";
 }
 
-/// The time in the time zone of this machine: 2026-01-31 14:05:59.
-std::string local_time(const google::protobuf::Timestamp& time) {
+/// Below it, columns are narrow.
+constexpr std::size_t kWide = 110;
+
+std::string row(std::size_t width, const std::string& job, const std::string& state, const std::string& submitted,
+                const std::string& seconds, const std::string& iterations, const std::string& words) {
+  std::string line =
+      width < kWide
+          ? fmt::format("{:<21}  {:<9}  {:<11}  {:>8}  {}", job, state, submitted, seconds, words)
+          : fmt::format("{:<24}  {:<10}  {:<19}  {:>8}  {:>10}  {}", job, state, submitted, seconds, iterations, words);
+  line.erase(line.find_last_not_of(' ') + 1);
+  return cut(line, width) + "\n";
+}
+
+/// The time in the time zone of this machine: 2026-01-31 14:05:59, or 01-31 14:05 in narrow columns.
+std::string local_time(const google::protobuf::Timestamp& time, std::size_t width) {
   const std::time_t seconds = time.seconds();
   std::tm parts{};
   if (seconds == 0 || localtime_r(&seconds, &parts) == nullptr) return "";
-  return fmt::format("{:%Y-%m-%d %H:%M:%S}", parts);
+  return width < kWide ? fmt::format("{:%m-%d %H:%M}", parts) : fmt::format("{:%Y-%m-%d %H:%M:%S}", parts);
 }
 
 /// How long the job has run, in seconds; empty if it has not begun.
@@ -39,11 +54,13 @@ std::string time_run(const v1::Job& job) {
 
 }  // namespace
 
-std::string job_heading() { return row("JOB", "STATE", "SUBMITTED", "RAN", "ITERATIONS", "FILE AND LABELS"); }
+std::string job_heading(std::size_t width) {
+  return row(width, "JOB", "STATE", "SUBMITTED", "RAN", "ITERATIONS", "FILE AND LABELS");
+}
 
-std::string job_row(const v1::Job& job) {
-  return row(as_plain_text(job.name()), spelled(job.state()), local_time(job.create_time()), time_run(job),
-             std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
+std::string job_row(const v1::Job& job, std::size_t width) {
+  return row(width, as_plain_text(job.name()), spelled(job.state()), local_time(job.create_time(), width),
+             time_run(job), std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
              words_about(job));
 }
 

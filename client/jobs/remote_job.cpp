@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "client/cli/default_server.h"
+#include "client/library/failures.h"
 
 namespace varimesh::client {
 
@@ -24,14 +25,30 @@ Command add_remote_command(Command program, const char* name, const char* purpos
 }
 
 void add_job_argument(Command command, std::string* job) {
-  command.add("job", job, "The name of the job").required().value("JOB").utf8();
+  command.add("job", job, "The name of the job, or its first letters").required().value("JOB").utf8();
 }
 
 void add_label_flag(Command command, std::vector<std::string>* labels, const char* help) {
   command.add("--label", labels, help).value("KEY=VALUE").utf8().one_value_each();
 }
 
-std::string full_name(const std::string& job) { return job.rfind("jobs/", 0) == 0 ? job : "jobs/" + job; }
+Outcome<std::string> full_name(Client* client, const std::string& job) {
+  constexpr std::size_t kWhole = sizeof "jobs/0123456789abcdef" - 1;
+  const std::string name = job.starts_with("jobs/") ? job : "jobs/" + job;
+  if (name.size() >= kWhole) return name;
+  const auto jobs = client->list({});
+  if (!jobs) return tl::unexpected(jobs.error());
+  std::vector<std::string> found;
+  for (const v1::Job& one : *jobs) {
+    if (one.name() == name) return name;
+    if (one.name().starts_with(name)) found.push_back(one.name());
+  }
+  if (found.empty()) return name;
+  if (found.size() > 1)
+    return refusal("BAD_OPTION", std::to_string(found.size()) + " jobs have names that begin with '" + name +
+                                     "', such as " + found[0] + " and " + found[1] + "; write more of the name.");
+  return found[0];
+}
 
 Expected<void> parse_labels(const std::vector<std::string>& labels,
                             google::protobuf::Map<std::string, std::string>* map) {

@@ -29,8 +29,10 @@ Outcome<std::vector<v1::Job>> chosen(Client* client, const Selection& selection)
   }
   std::set<std::string> seen;
   for (const std::string& name : selection.names) {
-    if (!seen.insert(full_name(name)).second) continue;
-    auto job = client->get(full_name(name));
+    const auto full = full_name(client, name);
+    if (!full) return tl::unexpected(full.error());
+    if (!seen.insert(*full).second) continue;
+    auto job = client->get(*full);
     if (!job) return tl::unexpected(job.error());
     jobs.push_back(std::move(*job));
   }

@@ -177,7 +177,7 @@ int layers(Arguments arguments) {
 Action add_layers(Command program) {
   auto arguments = std::make_shared<Arguments>();
   Command command = program.add_command("layers", "Split thick cells at a wall into thin boundary layers");
-  command.add("input", &arguments->input, "The mesh file to read").required().not_a_dash().value("IN");
+  command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
   command.add("-o,--output", &arguments->output, "The file to write").required().value("OUT");
   command.add("--wall", &arguments->split.walls, "A group of boundary elements, by name or tag; may be repeated")
       .required()

@@ -129,7 +129,7 @@ int quality(const Arguments& arguments) {
 Action add_quality(Command program) {
   auto arguments = std::make_shared<Arguments>();
   Command command = program.add_command("quality", "Show how good a mesh is and which elements are proved valid");
-  command.add("input", &arguments->input, "The mesh file to read").required().not_a_dash().value("IN");
+  command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
   command
       .add("--lattice", &arguments->lattice,
            "Sample each element on a lattice with this many intervals per edge; 0: the default")

@@ -1,7 +1,11 @@
 """The commands for the jobs of a server: submit, watch, result, jobs, cancel, delete and info."""
+import fcntl
 import json
 import os
+import pty
+import struct
 import subprocess
+import termios
 import unittest
 
 from programs import ENDLESS, LARGER, MESH, Server, WithFolder, WithServer, run, start
@@ -39,6 +43,42 @@ class Jobs(WithServer):
         named = self.remote("submit", MESH, "--label", "file=another")
         self.assertEqual(named.returncode, 0, named.stderr)
         self.assertIn("no such jobs", self.remote("jobs", "--label", "for=nothing").stderr)
+
+    def test_the_beginning_of_a_name_is_enough(self):
+        job = self.remote("submit", MESH, "--label", "for=short").stdout.strip()
+        others = [entry["job"] for entry in json.loads(self.remote("jobs", "--json").stdout)["jobs"] if entry["job"] != job]
+        short = next(job[:n] for n in range(6, len(job)) if not any(other.startswith(job[:n]) for other in others))
+        for name in (short, short.removeprefix("jobs/")):
+            self.assertEqual(self.remote("watch", name, "--quiet").returncode, 0)
+        waited = self.remote("wait", short, job)
+        self.assertEqual((waited.returncode, waited.stdout.count(job)), (0, 1), waited.stderr)
+        # Among 17 names, two begin with the same letter.
+        for _ in range(17 - len(others)):
+            others.append(self.remote("submit", MESH).stdout.strip())
+        firsts = [name[:6] for name in [*others, job]]
+        twice = next(first for first in firsts if firsts.count(first) > 1)
+        refused = self.remote("cancel", twice)
+        self.assertEqual(refused.returncode, 2, refused.stderr)
+        self.assertRegex(refused.stderr, rf"jobs have names that begin with '{twice}', such as .*; write more of the name")
+        self.assertEqual(self.remote("delete", short).returncode, 0)
+        self.assertIn("There is no job", self.remote("cancel", job).stderr)
+
+    def test_a_table_on_a_terminal_is_as_wide_as_the_terminal(self):
+        job = self.remote("submit", MESH, "--label", "for=width", "--label", "about=" + "ü" * 60).stdout.strip()
+        self.remote("watch", job, "--quiet")
+        for columns, fits in ((80, False), (250, True)):
+            master, terminal = pty.openpty()
+            fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 30, columns, 0, 0))
+            done = subprocess.run([os.environ["VARIMESH"], "jobs", "--label", "for=width", "--server", self.server.address],
+                                  stdout=terminal, timeout=60)
+            os.close(terminal)
+            lines = os.read(master, 10000).decode().splitlines()
+            os.close(master)
+            self.assertEqual((done.returncode, len(lines)), (0, 2), lines)
+            self.assertLessEqual(max(map(len, lines)), columns)
+            self.assertIn(job, lines[1])
+            self.assertIn(MESH.name[:10], lines[1])
+            self.assertEqual(lines[1].endswith("…"), not fits, lines[1])
 
     def test_an_address_needs_a_port_or_a_path(self):
         for address in ("foo", "v.sock"):

@@ -12,6 +12,13 @@ class Inputs(WithFolder):
         done = run_bytes("optimise", "/dev/stdin", "-o", piped, "--quiet", input=MESH.read_bytes())
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(piped.read_bytes(), whole.read_bytes())
+        for arguments in (["optimise", "-", "-o", piped, "--quiet"], ["convert", "-", piped]):
+            piped.unlink()
+            done = run_bytes(*arguments, input=(MESH if arguments[0] == "optimise" else whole).read_bytes())
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual(piped.read_bytes(), whole.read_bytes(), arguments)
+        shown = run_bytes("quality", "-", input=MESH.read_bytes())
+        self.assertEqual(shown.stdout, run_bytes("quality", MESH).stdout)
 
     def test_a_file_that_fails_while_it_is_read_is_refused(self):
         # The file can be opened but not read, because its first byte belongs to no memory of the process.
