@@ -21,8 +21,9 @@ class Help : public CLI::FormatterBase {
   const int width_;
 };
 
-/// A sentence about the first word of a command line that is neither a command nor a flag, with a suggestion if one is
-/// near. Empty if all words are known. `words` does not include the program's name.
+/// Looks for a word that the program does not know, such as a misspelt command or flag. Returns a sentence about the
+/// first one, with a suggestion if a known word is like it; empty if all are known. `words`: the command line without
+/// the program's name.
 std::string unknown_word(const CLI::App& program, const std::vector<std::string>& words);
 
 }  // namespace varimesh::client

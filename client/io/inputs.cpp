@@ -64,14 +64,13 @@ void print_sentence(const std::string& sentence) { std::cerr << "varimesh: " << 
 void add_repair_flags(Command command, Repairs* repairs) {
   command
       .add("--node-order", &repairs->node_order,
-           "First put the nodes of elements into Gmsh's order, for an MSH file that has them in that of another "
-           "program: "
-           "gmsh, vtk, cgns, exodus or abaqus")
+           "The program whose order the nodes of elements have in an MSH file, if it is not Gmsh's: gmsh, vtk, cgns, "
+           "exodus or abaqus")
       .value("NAME");
   command
       .add("--merge-nodes", &repairs->merge,
-           "First join nodes that are at most this far apart, in the mesh's unit of length: of parts that were put "
-           "together")
+           "Before all else, make one node of nodes that are at most this far apart. It is for meshes made of parts "
+           "whose nodes coincide where they touch; the distance is in the mesh's unit of length")
       .value("TOLERANCE")
       .from(0.0, 1e300);
 }

@@ -9,8 +9,12 @@ namespace varimesh::client {
 namespace {
 
 TEST(ReportPage, AddsTheFormatOfTheInputToFormatsThatAreOnlyWritten) {
+  std::size_t only_read = 0;
   for (const formats::FormatInfo& info : formats::all()) {
-    if (!info.writable) continue;  // nobody can ask for it
+    if (!info.writable) {  // nobody can ask for it
+      ++only_read;
+      continue;
+    }
     const auto* value = value_of(*v1::MeshFormat_descriptor(), std::string(info.name));
     ASSERT_NE(value, nullptr) << info.name;
     const bool hdf5 = info.format == formats::Format::Hopr || info.format == formats::Format::Cgns;
@@ -21,6 +25,7 @@ TEST(ReportPage, AddsTheFormatOfTheInputToFormatsThatAreOnlyWritten) {
     EXPECT_EQ(formats_with_report(asked, "report.html"), expected) << info.name;
     EXPECT_EQ(formats_with_report(asked, ""), asked) << info.name;
   }
+  EXPECT_EQ(only_read, 4U) << "Abaqus, Exodus, GMF and ISM";
 }
 
 }  // namespace
