@@ -27,7 +27,8 @@ _NODES: dict[str, Callable[[int], int]] = {
     "hexahedron": lambda p: (p + 1) ** 3,
 }
 DIMENSION = {"point": 0, "line": 1, "triangle": 2, "quadrilateral": 2}
-_ALIASES = {"vertex": "point", "quad": "quadrilateral", "tetra": "tetrahedron", "wedge": "prism", "hexa": "hexahedron"}
+_ALIASES = {"vertex": "point", "tri": "triangle", "quad": "quadrilateral", "tet": "tetrahedron", "tetra": "tetrahedron",
+            "pyra": "pyramid", "wedge": "prism", "hex": "hexahedron", "hexa": "hexahedron"}  # fmt: skip
 _SHAPES = {name: mesh_pb2.Shape.Value("SHAPE_" + name.upper()) for name in _NODES}
 
 

@@ -50,6 +50,10 @@ class Arrays(unittest.TestCase):
         self.assertEqual([mesh.shape_name(name) for name in ("tetra10", "wedge", "quad9", "hexahedron", "vertex")],
                          ["tetrahedron", "prism", "quadrilateral", "hexahedron", "point"])
 
+    def test_takes_short_names_of_shapes(self):
+        self.assertEqual([mesh.shape_name(name) for name in ("tri", "tri6", "TET4", "hex27", "pyra")],
+                         ["triangle", "triangle", "tetrahedron", "hexahedron", "pyramid"])
+
     def test_refuses_invalid_arrays_with_a_sentence(self):
         three = np.zeros((20, 3))
         wrong = {
