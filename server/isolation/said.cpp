@@ -2,10 +2,12 @@
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/message.h>
 
 #include <algorithm>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "server/isolation/worker_process.h"
 
@@ -41,8 +43,27 @@ bool is_size(std::int64_t bytes) { return bytes >= 0 && bytes <= kMostMemory; }
 void check_iteration(const v1::Iteration& iteration) {
   require(iteration.number() >= 0 && iteration.invalid_elements() >= 0 && iteration.active_nodes() >= 0 &&
               iteration.repairable_elements() >= 0 && iteration.products() >= 0 && iteration.left_elements() >= 0 &&
-              iteration.groups_left() >= 0,
+              iteration.groups_left() >= 0 && iteration.seconds() >= 0,
           "told of an iteration with negative numbers");
+}
+
+/// Checks that every choice in a message is one that the contract has: others are places in tables that are too short.
+void check_choices(const google::protobuf::Message& message) {
+  const auto* const reflection = message.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection->ListFields(message, &fields);
+  for (const FieldDescriptor* field : fields) {
+    const int count = field->is_repeated() ? reflection->FieldSize(message, field) : 1;
+    for (int i = 0; i < count; ++i) {
+      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE)
+        check_choices(field->is_repeated() ? reflection->GetRepeatedMessage(message, field, i)
+                                           : reflection->GetMessage(message, field));
+      if (field->cpp_type() != FieldDescriptor::CPPTYPE_ENUM) continue;
+      const int value = field->is_repeated() ? reflection->GetRepeatedEnumValue(message, field, i)
+                                             : reflection->GetEnumValue(message, field);
+      require(field->enum_type()->FindValueByNumber(value) != nullptr, "made a choice that there is not");
+    }
+  }
 }
 
 /// Adds to `parts`. Returns false if the bytes are no such message, or if there are too many parts.
@@ -99,6 +120,7 @@ std::optional<std::int64_t> parts_of(std::string_view bytes) {
 
 void Said::check(const worker::FromWorker& message) {
   using Kind = worker::FromWorker;
+  check_choices(message);
   switch (message.kind_case()) {
     case Kind::kStarted:
       require(!std::exchange(started_, true), "started twice");

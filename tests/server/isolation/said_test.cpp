@@ -47,12 +47,29 @@ TEST(Said, RefusesNumbersThatCannotBe) {
   EXPECT_THROW(Said(1).check(message), ProcessLost) << "the least is more than the most";
   message.mutable_iteration()->set_number(-1);
   EXPECT_THROW(Said(1).check(message), ProcessLost);
+  for (const double seconds : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    message.mutable_iteration()->set_number(1);
+    message.mutable_iteration()->set_seconds(seconds);
+    EXPECT_THROW(Said(1).check(message), ProcessLost);
+  }
   message.mutable_checkpoint()->set_invalid_elements(-1);
   EXPECT_THROW(Said(1).check(message), ProcessLost);
   message.mutable_work()->set_done(-1);
   EXPECT_THROW(Said(1).check(message), ProcessLost);
   message.mutable_slide_trial()->set_left_before(-1);
   EXPECT_THROW(Said(1).check(message), ProcessLost);
+}
+
+TEST(Said, MakesNoChoiceThatThereIsNot) {
+  for (const int value : {-1, 99, std::numeric_limits<int>::max()}) {
+    FromWorker message;
+    message.mutable_iteration()->set_phase(static_cast<v1::Phase>(value));
+    EXPECT_THROW(Said(1).check(message), ProcessLost) << "a server would look for the name of this phase";
+    message.mutable_history()->add_iterations()->set_phase(static_cast<v1::Phase>(value));
+    EXPECT_THROW(Said(1).check(message), ProcessLost);
+    message.set_output(static_cast<v1::MeshFormat>(value));
+    EXPECT_THROW(admitted().check(message), ProcessLost);
+  }
 }
 
 TEST(Said, AsksForMemoryToRunOnlyOnce) {
