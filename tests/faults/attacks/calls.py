@@ -103,23 +103,25 @@ class Memory(Row):
 
 
 class Strangers(Row):
-    """Thirty-two connections without a token, which send 4 MiB of fields that nobody knows again and again."""
+    """Thirty-two connections without a token, which send 4 MiB of fields that nobody knows again and again, and stay open."""
 
     name = "strangers"
 
     def serve(self, attacked):
         super().serve(attacked)
         self.bomb = b"\xfa\xff\x03\x00" * ((4 << 20) // 4 - 16)
+        self.channels = [grpc.insecure_channel(attacked.address, [("grpc.use_local_subchannel_pool", 1)]) for _ in range(32)]
 
     def attack(self):
-        # An open connection keeps up to 4 MiB, so the memory afterwards is that without them.
-        channels = [grpc.insecure_channel(self.attacked.address, [("grpc.use_local_subchannel_pool", 1)]) for _ in range(32)]
         for method, code in (("/varimesh.v1.JobService/GetJob", grpc.StatusCode.UNAUTHENTICATED),
                              ("/grpc.health.v1.Health/Check", grpc.StatusCode.INVALID_ARGUMENT)):
-            calls = [channel.unary_unary(method, request_serializer=bytes).future(self.bomb, timeout=60) for channel in channels]
+            calls = [channel.unary_unary(method, request_serializer=bytes).future(self.bomb, timeout=60) for channel in self.channels]
             for call in calls:
                 assert call.exception().code() == code, call.exception()
-        for channel in channels:
+
+    def end(self):
+        super().end()
+        for channel in self.channels:
             channel.close()
 
 
@@ -230,6 +232,9 @@ class Disk(Row):
         messages = [service_pb2.OptimiseRequest(spec=spec), service_pb2.OptimiseRequest(chunk=service_pb2.Chunk(data=mesh))]
         self.refused(lambda: list(self.mallory.call(self.mallory.optimises.Optimise, iter(messages))),
                      grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.RESOURCE_EXHAUSTED)
+        negative = service_pb2.OptimiseRequest(spec=service_pb2.OptimiseSpec(spec=job_pb2.JobSpec(), size=-1))
+        self.refused(lambda: list(self.mallory.call(self.mallory.optimises.Optimise, iter([negative, messages[1]]))),
+                     grpc.StatusCode.INVALID_ARGUMENT)
         more = {file.name for file in (self.attacked.state / "meshes").iterdir()} - left
         assert not any(name.startswith(hashlib.sha256(mesh).hexdigest()) for name in more), more
 
@@ -304,12 +309,12 @@ class Blanks(Row):
     """A long small job, and behind it one whose file of blanks wants all memory to be read."""
 
     name = "memory queue"
-    flags = ("--max-memory-bytes", str(1 << 30), "--max-running-jobs-per-peer", "2")
+    flags = ("--max-memory-bytes", str(512 << 20), "--max-running-jobs-per-peer", "2")
     repeats = 1
 
     def serve(self, attacked):
         super().serve(attacked)
-        self.blanks = self.mallory.upload(b" " * (130 << 20))
+        self.blanks = self.mallory.upload(b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n" + b" " * (190 << 20))
 
     def attack(self):
         small = self.mallory.submit(self.mallory.upload(LARGER.read_bytes()), threads=1, **ENDLESS)

@@ -183,6 +183,16 @@ class Files(Row):
             return done.stderr
 
         refused("--state", self.attacked.state)  # another server uses it
+        lock = self.attacked.state / "lock"
+        lock.unlink(missing_ok=True)
+        refused("--state", self.attacked.state)
+        # Meshes without a database of their jobs.
+        alone = self.attacked.folder / "alone"
+        (alone / "meshes").mkdir(parents=True, mode=0o700)
+        alone.chmod(0o700)
+        (alone / "meshes" / hashlib.sha256(b"mesh").hexdigest()).write_bytes(b"mesh")
+        assert "restore" in refused("--state", alone)
+        shutil.rmtree(alone)
         theirs = self.attacked.folder / "theirs"
         theirs.mkdir(exist_ok=True)
         theirs.chmod(0o777)
