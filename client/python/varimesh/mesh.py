@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -115,6 +116,9 @@ class Mesh:
 
 def _indices(shape: str, nodes: ArrayLike) -> NDArray[np.int32]:
     array = np.asarray(nodes)
+    if array.dtype.kind == "O":  # rows of lists, as other programs have them
+        with suppress(TypeError, ValueError):
+            array = np.array([list(row) for row in array])
     if array.ndim != 2 or (array.size and array.dtype.kind not in "iu"):
         raise BadMesh(f"The nodes of {shape} are {array.dtype} of shape {array.shape}; give integers (elements, nodes).")
     return array.astype(np.int32)

@@ -54,6 +54,17 @@ class Arrays(unittest.TestCase):
         self.assertEqual([mesh.shape_name(name) for name in ("tri", "tri6", "TET4", "hex27", "pyra")],
                          ["triangle", "triangle", "tetrahedron", "hexahedron", "pyramid"])
 
+    def test_takes_arrays_of_objects(self):
+        rows = np.empty(2, dtype=object)
+        rows[0], rows[1] = TWO["triangle"]
+        for cells in (rows, np.array(TWO["triangle"], dtype=object)):
+            made = varimesh.Mesh.from_arrays(SQUARE, {"tri": cells})
+            np.testing.assert_array_equal(made.blocks[0].nodes, TWO["triangle"])
+        rows[1] = [0, 1]
+        for wrong in (rows, np.array([[0, 1, "a"]], dtype=object)):
+            with self.assertRaises(varimesh.BadMesh):
+                varimesh.Mesh.from_arrays(SQUARE, {"tri": wrong})
+
     def test_refuses_invalid_arrays_with_a_sentence(self):
         three = np.zeros((20, 3))
         wrong = {
