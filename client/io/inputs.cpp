@@ -141,6 +141,9 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
 
 Expected<void> check_geometry(const Input& input, const v1::Options& options) {
   const v1::Geometry& geometry = input.geometry;
+  if (options.repair() == v1::REPAIR_REFINE && input.model.empty())
+    return bad_option(
+        "--repair refine needs a model for its new nodes; give it with --geometry, or give --repair split.");
   if (!input.slides()) {
     if (geometry.slide_on() == v1::Geometry::SLIDE_ON_MODEL)
       return bad_option("--slide-on model needs a model; give it with --geometry, or give --slide-on boundary.");

@@ -59,8 +59,19 @@ tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& argu
   return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
 }
 
-/// The order is that of the curved mesh, so nothing is left to change after that.
+/// Whether elements may be split with these options (core/options/options.cpp).
+bool may_split(const v1::Options& options) {
+  const bool takes_field = options.target() == v1::TARGET_SIZE || options.target() == v1::TARGET_STRAIN;
+  const bool keeps_layers =
+      options.layer_spacing() == v1::LAYER_SPACING_UNSPECIFIED || options.layer_spacing() == v1::LAYER_SPACING_KEEP;
+  return !takes_field && keeps_layers && options.region_below() == 0;
+}
+
+/// The order is that of the curved mesh, so nothing is left to change after that. Whoever wants a mesh of a model wants
+/// a valid one, so the boundary is refined where nothing else helps.
 void take_order(OptimiseArguments* arguments) {
+  if (arguments->options.repair() == v1::REPAIR_UNSPECIFIED && may_split(arguments->options))
+    arguments->options.set_repair(v1::REPAIR_REFINE);
   arguments->input.geometry.set_order(arguments->options.order());
   arguments->options.clear_order();
 }

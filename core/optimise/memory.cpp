@@ -112,7 +112,7 @@ std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
   if (run.iterates()) bytes = std::max(bytes, run.iterating());
   if (options.order > 0 && options.order != mesh.order)  // both meshes are there while one is made from the other
     bytes = std::max(bytes, bytes_of_mesh(count(mesh, mesh.order)) + 3 * bytes_of_mesh(counts) / 2);
-  if (options.repair == Repair::Split && run.iterates()) bytes = kGrowthBySplits * bytes + 2 * bytes_of_mesh(counts);
+  if (splits(options.repair) && run.iterates()) bytes = kGrowthBySplits * bytes + 2 * bytes_of_mesh(counts);
   return static_cast<std::int64_t>(kMargin * static_cast<double>(bytes));
 }
 

@@ -27,7 +27,7 @@ namespace {
 
 /// By cell of the result: 1 if it came clockwise, or is a part of a cell that did.
 std::vector<char> clockwise_in_result(const SetUp& set_up, const Result& result) {
-  if (set_up.options.repair != Repair::Split) return set_up.clockwise;
+  if (!splits(set_up.options.repair)) return set_up.clockwise;
   const std::vector<std::int64_t> numbers = detail::cell_numbers(set_up.mesh, set_up.clockwise);
   std::unordered_set<std::int64_t> came(numbers.begin(), numbers.end());
   for (const RepairStep& step : result.repairs)
@@ -85,7 +85,7 @@ Tried tried_by(const Options& options, const RunSummary& result, bool tried_othe
   const bool cannot_move = result.sizes.free_nodes == 0;  // so another run would move nothing either
   tried.movement = cannot_move || result.iterations > 0;
   tried.until_valid = cannot_move || tried_others || options.until == Until::Valid;
-  tried.split = options.repair == Repair::Split;
+  tried.split = splits(options.repair);
   tried.cut_short = was_cut_short(result);
   return tried;
 }
@@ -94,10 +94,10 @@ Tried tried_by(const Options& options, const RunSummary& result, bool tried_othe
 Result optimise_set_up(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
   const Options& options = set_up.options;
   if (options.time_limit > 0) stop.stop_after(options.time_limit - set_up.seconds);
-  const bool splits = options.repair == Repair::Split && options.max_iterations > 0;
-  if (splits) set_up.seconds = 0;
-  Result result = splits ? optimise_by_splitting(set_up, on_iteration, control, stop)
-                         : Run(set_up, on_iteration, control, stop).go();
+  const bool may_split = splits(options.repair) && options.max_iterations > 0;
+  if (may_split) set_up.seconds = 0;
+  Result result = may_split ? optimise_by_splitting(set_up, on_iteration, control, stop)
+                            : Run(set_up, on_iteration, control, stop).go();
   const bool tried_others = try_other_ways(set_up, on_iteration, control, stop, result);
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);

@@ -60,8 +60,7 @@ Expected<void> prepare(CheckedMesh& of, const Options& options, const Team& team
 void start_with_layers(SetUp& set_up, const Team& team) {
   const Options& options = set_up.options;
   const bool is_wanted = options.objective == Objective::Accuracy && options.target == Target::StraightSided &&
-                         options.method == Method::Auto && options.max_iterations > 0 &&
-                         options.repair != Repair::Split;
+                         options.method == Method::Auto && options.max_iterations > 0 && !splits(options.repair);
   if (!is_wanted) return;
   team.run(
       [&] { set_up.layers = start_layers(set_up.mesh, set_up.facets, set_up.fixed, options.layer_spacing, team); });
@@ -135,7 +134,7 @@ Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& of, const Options& given, 
   result->facets = std::move(of.facets);
   start_with_layers(*result, team);
   const auto iterates = [&] {
-    return options.max_iterations > 0 && options.repair != Repair::Split && (stop == nullptr || !stop->stopped());
+    return options.max_iterations > 0 && !splits(options.repair) && (stop == nullptr || !stop->stopped());
   };
   team.run([&] {
     if (iterates()) result->problem = build_problem(result->mesh, result->fixed, options.quadrature_degree, team);

@@ -32,7 +32,7 @@ constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
 constexpr Words kColouring[] = {"group", "node"};
 constexpr Words kUntil[] = {"tolerance", "valid"};
 constexpr Words kLayerSpacing[] = {"keep", "even", "graded"};
-constexpr Words kRepair[] = {"none", "report", "split", "straighten"};
+constexpr Words kRepair[] = {"none", "report", "split", "straighten", "refine"};
 constexpr Words kObjective[] = {"energy", "worst", "accuracy", "auto"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
 
@@ -86,7 +86,7 @@ const std::array kTable{
     row("repair", choice<Repair, &Options::repair>(kRepair),
         "What is done about elements that no movement of nodes can repair: none treats them like any other, "
         "report names them and keeps them from distorting others, split gives tetrahedra new nodes, straighten "
-        "makes triangles and tetrahedra straight-sided"),
+        "makes triangles and tetrahedra straight-sided, refine needs a model and also splits edges on the boundary"),
     number("until_js", &Options::until_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
            "Stop when every element's scaled Jacobian is proved to be at least this, and return the best mesh; 0: "
            "never"),
@@ -169,6 +169,12 @@ const std::array kGeometryTable{
                    {},
                    "What boundary nodes slide on: a CAD model, or, without one, the mesh's own curved boundary as it "
                    "came"},
+    GeometryOption{"growth",
+                   &GeometryOptions::growth,
+                   {.least = 1},
+                   "a number, 1 or more",
+                   "With the repair refine: how many times as many elements the mesh may have if edges on the boundary "
+                   "are split"},
     GeometryOption{"order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
                    "The order with which a mesh of order 1 is first curved on the model; 0: it is curved already"},
 };

@@ -56,6 +56,7 @@ Expected<void> check(const Options& options) {
       return bad_option(std::string(option.name) + " is " + number_text(value) + "; give " +
                         std::string(option.values) + ".");
   if (auto effect = check_effect(options); !effect) return effect;
+  const std::string word = options.repair == Repair::Refine ? "refine" : "split";
   const bool takes_field = options.target == Target::Size || options.target == Target::Strain;
   if (takes_field && options.target_field.values.empty())
     return bad_option(
@@ -79,17 +80,17 @@ Expected<void> check(const Options& options) {
     return bad_option(
         "layer_spacing is given, but only the objective accuracy knows layers, and the other options ask for another; "
         "leave out the objective and the options of the energy, or layer_spacing.");
-  if (options.repair == Repair::Split && options.layer_spacing != LayerSpacing::Keep)
-    return bad_option(
-        "repair is split and layer_spacing is given, but splits do not know layers; leave layer_spacing at keep.");
-  if (options.repair == Repair::Split && takes_field)
-    return bad_option(
-        "repair is split and the target is a field, but split elements would have no values in the field; choose "
-        "another target, or split first and then optimise with the field.");
-  if (options.repair == Repair::Split && options.region_below > 0)
-    return bad_option(
-        "repair is split and region_below is given, but split elements must be able to move wherever they are; leave "
-        "region_below at 0.");
+  if (splits(options.repair) && options.layer_spacing != LayerSpacing::Keep)
+    return bad_option("repair is " + word +
+                      " and layer_spacing is given, but splits do not know layers; leave layer_spacing at keep.");
+  if (splits(options.repair) && takes_field)
+    return bad_option("repair is " + word +
+                      " and the target is a field, but split elements would have no values in the field; choose "
+                      "another target, or split first and then optimise with the field.");
+  if (splits(options.repair) && options.region_below > 0)
+    return bad_option("repair is " + word +
+                      " and region_below is given, but split elements must be able to move wherever they are; leave "
+                      "region_below at 0.");
   return {};
 }
 

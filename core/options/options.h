@@ -85,7 +85,12 @@ enum class Repair : std::uint8_t {
   Straighten,  ///< As Report. At the end, elements that are still invalid, and those that share a facet with one, are
                ///< made straight-sided as far as fixed nodes and the validity of other elements allow. Triangles and
                ///< tetrahedra only.
+  Refine,      ///< As Split. If boundary nodes slide on a model and elements are left, edges on the boundary are split
+               ///< too, with new nodes on the model (optimise_on_geometry.h).
 };
+
+/// Whether elements may be split.
+inline bool splits(Repair repair) { return repair == Repair::Split || repair == Repair::Refine; }
 
 /// A size or strain for Target::Size and Target::Strain; read_target_field() reads it from text. Tensors are symmetric
 /// and stored as their lower triangle, row by row: xx, xy, yy in 2-D, and also xz, yz, zz in 3-D.
@@ -133,7 +138,7 @@ struct Options {
                       ///< worst cells more.
   int quadrature_degree = 0;  ///< Degree that is integrated exactly; 0: 2 P. At least 2 (P − 1) on simplices.
 
-  Repair repair = Repair::Report;  ///< Split cannot be combined with target_field or region_below.
+  Repair repair = Repair::Report;  ///< Split and Refine cannot be combined with target_field or region_below.
 
   int order = 0;  ///< Raise or lower the mesh to this order before it is optimised; 0: as it is.
 

@@ -26,6 +26,9 @@ using detail::MeshEdge;
 constexpr double kNearlyMost = 0.7;
 /// Edges that turn by less than this angle, in radians, hardly turn.
 constexpr double kHardly = 0.05;
+/// Two edges of a face leave no room between them if the sine of the angle is at most this (0.08: as for splits inside
+/// the mesh, split_passes.cpp).
+constexpr double kNoRoom = 0.08;
 
 bool is_simplex(Shape shape) { return shape == Shape::Triangle || shape == Shape::Tetrahedron; }
 
@@ -50,6 +53,7 @@ class Edges {
 
   /// The candidates among the edges of the cell that lie on the boundary.
   std::vector<SplitPlace> on_boundary(std::size_t cell) const {
+    if (std::vector<SplitPlace> found = opposite_folds(cell); !found.empty()) return found;
     struct Rated {
       SplitPlace place;
       double turn, length;
@@ -81,6 +85,45 @@ class Edges {
   }
 
  private:
+  /// The edges opposite the corners of boundary faces at which two edges on curves leave no room between them.
+  std::vector<SplitPlace> opposite_folds(std::size_t cell) const {
+    if (!is_simplex(cells_.shape(cell))) return {};
+    const auto vertices = cells_.nodes(cell).first(at(reference::info(cells_.shape(cell)).vertices));
+    std::vector<SplitPlace> result;
+    for (const std::int32_t v : vertices)
+      for (const std::int32_t a : vertices)
+        for (const std::int32_t b : vertices) {
+          if (a >= b || v == a || v == b) continue;
+          if (mesh_.dimension == 3 && !rules_.is_boundary(face_place(v, a, b))) continue;
+          const std::optional<Eigen::Vector3d> to_a = along_curve(v, a), to_b = along_curve(v, b);
+          if (!to_a || !to_b) continue;
+          const Eigen::Vector3d normal = (x(a) - x(v)).cross(x(b) - x(v)).normalized();
+          const auto edge = by_ends_.find({a, b});
+          if (to_a->cross(*to_b).dot(normal) <= kNoRoom &&
+              may_split(edge_place(a, b), edge == by_ends_.end() ? nullptr : &parts_.edges[edge->second]))
+            result.push_back(edge_place(a, b));
+        }
+    return result;
+  }
+
+  /// The unit tangent at `from` of the edge to `to`; nothing if the edge does not lie on a curve.
+  std::optional<Eigen::Vector3d> along_curve(std::int32_t from, std::int32_t to) const {
+    const auto found = by_ends_.find({std::min(from, to), std::max(from, to)});
+    if (found == by_ends_.end()) return std::nullopt;
+    std::vector<std::int32_t> inner = parts_.edges[found->second].inner;
+    if (inner.empty() || association_.nodes[at(inner.front())].dimension != 1) return std::nullopt;
+    if (from > to) std::ranges::reverse(inner);
+    // The derivative at 0 of the polynomial through values at 0, 1, … P: the sum of −(−1)^i C(P, i) / i (f_i − f_0).
+    inner.push_back(to);
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double binomial = 1;
+    for (std::size_t i = 1; i <= inner.size(); ++i) {
+      binomial *= static_cast<double>(inner.size() + 1 - i) / static_cast<double>(i);
+      sum += (i % 2 == 1 ? binomial : -binomial) / static_cast<double>(i) * (x(inner[i - 1]) - x(from));
+    }
+    return sum.normalized();
+  }
+
   /// In a plane every edge lies on a surface; those of one element are on the boundary.
   bool is_boundary(const MeshEdge& edge) const {
     return !edge.surfaces.empty() && (!association_.in_plane || edge.elements == 1);

@@ -30,10 +30,11 @@ struct RefineReport {
 };
 
 /// Splits one edge of each wanted cell, as far as no two of the edges share a cell, together with all cells around it
-/// (split.h). So the mesh conforms. Of the edges of a cell that lie on the boundary, those are candidates along which
-/// the surfaces and curves of the geometry turn most; if they hardly turn, the longest one is. The edge that the most
-/// wanted cells share per cell that is added comes first. If no wanted cell has an edge on the boundary that may be
-/// split, the longest edges of the wanted cells are candidates.
+/// (split.h). So the mesh conforms. If two edges of a boundary face lie on curves and leave no room between them,
+/// because they meet at about 180°, the edge opposite is the candidate. Otherwise, of the edges of a cell on the
+/// boundary, those are candidates along which the surfaces and curves of the geometry turn most; if they hardly turn,
+/// the longest one is. The edge that the most wanted cells share per cell that is added comes first. If no wanted cell
+/// has an edge on the boundary that may be split, the longest edges of the wanted cells are candidates.
 ///
 /// New vertices lie on the geometry, in the middle of their edge, and other new boundary nodes between them
 /// (core/curve/refined.h).

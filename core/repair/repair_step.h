@@ -11,7 +11,7 @@ namespace varimesh {
 /// file's.
 struct RepairStep {
   enum class Kind : std::uint8_t {
-    SplitEdge,     ///< An interior edge was split in two, together with every element around it.
+    SplitEdge,     ///< An edge was split in two, together with every element around it.
     SplitFace,     ///< An interior face was split in three, together with the elements on both sides.
     Straightened,  ///< Elements were made straight-sided as far as the boundary allows.
     Left,          ///< Elements were left as they were; the sentence says why.

@@ -32,23 +32,6 @@ bool is_named(const HighOrderMesh& mesh, int dimension, int tag, const std::stri
   });
 }
 
-Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std::vector<std::string>& names) {
-  std::vector<bool> fixed(mesh.node_count(), false);
-  for (const std::string& name : names) {
-    bool found = false;
-    for (const ElementBlock& block : mesh.blocks) {
-      const int dimension = reference::info(block.shape).dimension;
-      const bool in_group =
-          std::ranges::any_of(block.physical, [&](int tag) { return is_named(mesh, dimension, tag, name); });
-      if (!in_group) continue;
-      found = true;
-      for (const std::int32_t node : block.nodes) fixed[static_cast<std::size_t>(node)] = true;
-    }
-    if (!found) return bad_option("The mesh has no elements of a physical group '" + name + "', which fix names.");
-  }
-  return fixed;
-}
-
 Expected<void> check_order(const HighOrderMesh& mesh, int order) {
   if (order == 0) return {};
   if (order < 2 || order > kMaxOrder)
@@ -221,6 +204,23 @@ Team team_of(const GeometryOptions& options) {
 }
 
 }  // namespace
+
+Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std::vector<std::string>& names) {
+  std::vector<bool> fixed(mesh.node_count(), false);
+  for (const std::string& name : names) {
+    bool found = false;
+    for (const ElementBlock& block : mesh.blocks) {
+      const int dimension = reference::info(block.shape).dimension;
+      const bool in_group =
+          std::ranges::any_of(block.physical, [&](int tag) { return is_named(mesh, dimension, tag, name); });
+      if (!in_group) continue;
+      found = true;
+      for (const std::int32_t node : block.nodes) fixed[static_cast<std::size_t>(node)] = true;
+    }
+    if (!found) return bad_option("The mesh has no elements of a physical group '" + name + "', which fix names.");
+  }
+  return fixed;
+}
 
 Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
                                         const geometry::Geometry& model) {

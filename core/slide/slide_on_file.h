@@ -25,6 +25,10 @@ struct Geometry;
 /// says so.
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
 
+/// By node: whether it belongs to an element of one of these physical groups, which GeometryOptions::fix names. Errors:
+/// BadOption if the mesh has no elements of a group.
+Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std::vector<std::string>& names);
+
 /// What came of a mesh and a geometry.
 struct SlidOnGeometry {
   std::vector<std::string> sentences;

@@ -46,6 +46,8 @@ Expected<void> check(const v1::Geometry& geometry, const Options& options) {
   if (!own) return bad_option(own.error().sentence);
   own->file = geometry.digest();  // stands for the model
   if (auto fine = check(*own); !fine) return fine;
+  if (options.repair == Repair::Refine && own->on_boundary())
+    return bad_option("repair is refine, which needs a model for its new nodes; choose split, or give a model.");
   if (options.order > 0)
     return bad_option("order does not go with a geometry, because new boundary nodes would not lie on it.");
   if (!options.free.empty() || !options.free_nodes.empty() || !options.fix_nodes.empty() || options.region_below > 0)

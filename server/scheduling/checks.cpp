@@ -64,7 +64,10 @@ bool Scheduler::takes_geometries() const {
 }
 
 Answer<void> Scheduler::check_geometry(const v1::JobSpec& spec, const Options& options) {
-  if (!spec.has_geometry()) return {};
+  if (!spec.has_geometry()) {
+    if (options.repair != Repair::Refine) return {};
+    return invalid_option("The repair refine needs a model for its new nodes, and the spec has no geometry.");
+  }
   if (!is_on_boundary(spec.geometry()) && !is_sha256(spec.geometry().digest()))
     return bad_request("The spec must name its geometry by SHA-256: 64 lowercase hexadecimal digits.");
   if (spec.has_quality()) return bad_request("A job that judges a mesh moves nothing, so it can have no geometry.");

@@ -12,16 +12,21 @@
 #include "core/mesh/mesh_counts.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/on_geometry/checkpoints_of_runs.h"
+#include "core/optimise/on_geometry/refine_on_model.h"
 
 namespace varimesh {
 namespace {
 
 /// Of the time that is left: what a run takes at most if another may follow.
 constexpr double kMostShare = 0.75;
+/// The same if elements may be split afterwards, which takes a run for each round.
+constexpr double kMostShareBeforeRefining = 0.5;
 /// Of the time of a run: what sliding takes at most.
 constexpr double kMostToSlide = 0.75;
 /// A limit of time that is over. 0 would mean no limit.
 constexpr double kNoTime = 1e-9;
+/// Rounds of refining: at most, and in a row without fewer elements that are left.
+constexpr int kMostRounds = 12, kMostInVain = 3;
 
 std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
 double smallest(const Result& result) { return merit_of(result.after).smallest; }
@@ -35,6 +40,7 @@ class Runs {
        const Stopwatch& watch, const OnIteration& on_iteration, const RunControl& control, const OnGeometryHooks& hooks)
       : mesh_(std::move(mesh)),
         options_(options),
+        refines_(options.repair == Repair::Refine),
         geometry_(geometry),
         model_(model),
         on_iteration_(on_iteration),
@@ -44,16 +50,29 @@ class Runs {
         watch_(watch),
         spent_(watch.seconds()) {
     geometry_.fix = options.fix;
+    if (refines_) options_.repair = Repair::Report;  // until that leaves elements
   }
 
   Expected<ResultOnGeometry> run() {
     const bool is_only_run = geometry_.slide == SlideOn::None;
-    auto first = run(geometry_.slide, is_only_run ? 1 : kMostShare);
+    auto first = run(mesh_, geometry_.slide, refines_ ? kMostShareBeforeRefining : is_only_run ? 1 : kMostShare);
     if (!first) return tl::unexpected(first.error());
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
     is_first_ = false;
-    if (!is_only_run) try_others();
+    // Refining helps sooner than the other ways to slide, but adds elements.
+    const bool is_in_haste = refines_ && options_.time_limit > 0;
+    if (!is_only_run && !is_in_haste) try_others();
+    if (refines_ && left(best_.result) > 0 && may_be_split()) {
+      options_.repair = Repair::Split;
+      split_inside();
+      refine();
+    }
+    if (!is_only_run && is_in_haste) try_others();
+    if (refinement_) {
+      tell(*refinement_);
+      if (best_.slid) best_.slid->slid.sentences.push_back(*refinement_);
+    }
     best_.result.stopped = best_.result.stopped || is_stopped_;
     // Nodes have slid, so nobody need be told to let them.
     if (!is_only_run)
@@ -82,22 +101,27 @@ class Runs {
     if (left(best_.result) > 0) try_other(SlideOn::None, {}, 1);
   }
 
+  bool may_go_on() const {
+    const bool is_over = options_.time_limit > 0 && spent() >= options_.time_limit;
+    return !(is_over || best_.result.stopped || is_stopped_ || (control_.stop_asked && control_.stop_asked()));
+  }
+
   /// Takes another run if it is better.
   void try_other(SlideOn slide, const Asked& asked, double share) {
-    const bool is_over = options_.time_limit > 0 && spent() >= options_.time_limit;
-    if (is_over || best_.result.stopped || is_stopped_ || (control_.stop_asked && control_.stop_asked())) return;
+    if (!may_go_on()) return;
     SlideTrial trial;
     trial.slide = slide;
     trial.left_before = left(best_.result);
     trial.min_scaled_jacobian_before = smallest(best_.result);
     tell(trial);
-    auto other = run(slide, share);
+    auto other = run(mesh_, slide, share);
     judge(other, asked, trial);
     tell(trial);
     if (trial.outcome == SlideTrial::Outcome::Taken) {
       tell_sentences(other->slid, best_.slid);
       best_.result = std::move(other->result);
       best_.slid = std::move(other->slid);
+      refinement_.reset();
     }
     best_.trials.push_back(std::move(trial));
   }
@@ -125,17 +149,101 @@ class Runs {
                         : SlideTrial::Outcome::NoBetter;
   }
 
+  bool may_be_split() const {
+    const Shape simplex = mesh_.dimension == 3 ? Shape::Tetrahedron : Shape::Triangle;
+    return std::ranges::any_of(mesh_.blocks, [&](const ElementBlock& block) { return block.shape == simplex; });
+  }
+
+  /// Lets the same run split edges and faces inside the mesh, which adds fewer elements where it helps.
+  void split_inside() {
+    if (mesh_.dimension != 3 || !may_go_on()) return;
+    auto split = run(mesh_, geometry_.slide, kMostShareBeforeRefining);
+    if (!split || split->cut_short != StopToken::Reason::None) return;
+    is_stopped_ = split->result.stopped;
+    if (!is_stopped_ && is_better(merit_of(split->result.after), merit_of(best_.result.after)))
+      take_refined(std::move(*split));
+  }
+
+  /// Splits edges of the elements that are left, and optimises the mesh from there, round by round. Takes the best.
+  void refine() {
+    const std::size_t came = mesh_.element_count(mesh_.dimension);
+    const auto most = static_cast<std::size_t>(geometry_.growth * static_cast<double>(came));
+    HighOrderMesh mesh = best_.result.mesh;
+    Refinement refinement;
+    refinement.steps = splits_of(best_.result.repairs);
+    std::vector<std::int64_t> wanted = uncertified_numbers(best_.result.after);
+    std::size_t fewest = wanted.size();
+    int in_vain = 0;  // rounds since there were fewer
+    for (int round = 0; round < kMostRounds && in_vain < kMostInVain && !wanted.empty() && may_go_on(); ++round) {
+      std::ranges::sort(wanted);
+      auto other = refined_run(mesh, wanted, most, refinement);
+      is_stopped_ = other && (other->result.stopped || other->cut_short == StopToken::Reason::Asked);
+      if (!other || is_stopped_ || other->cut_short != StopToken::Reason::None) break;
+      wanted = uncertified_numbers(other->result.after);
+      in_vain = wanted.size() < fewest ? 0 : in_vain + 1;
+      fewest = std::min(fewest, wanted.size());
+      mesh = other->result.mesh;
+      std::vector<RepairStep> all = refinement.steps;
+      all.insert(all.end(), other->result.repairs.begin(), other->result.repairs.end());
+      refinement.steps = splits_of(all);
+      if (!is_better(merit_of(other->result.after), merit_of(best_.result.after))) continue;
+      other->result.repairs = std::move(all);
+      take_refined(std::move(*other));
+      refinement_ = refinement.sentence(came, mesh.element_count(mesh.dimension));
+    }
+  }
+
+  /// The best mesh so far gives way to one that was made from it. What is said about the mesh as it came stays.
+  void take_refined(Run&& other) {
+    other.result.before = std::move(best_.result.before);
+    if (other.slid && best_.slid) {
+      other.slid->slid.sentences = std::move(best_.slid->slid.sentences);
+      other.slid->slid.straight_elements = best_.slid->slid.straight_elements;
+      best_.slid = std::move(other.slid);
+    }
+    best_.result = std::move(other.result);
+  }
+
+  /// Nothing if no edge may be split.
+  std::optional<Run> refined_run(HighOrderMesh& mesh, const std::vector<std::int64_t>& wanted, std::size_t most,
+                                 Refinement& refinement) {
+    StopToken stop(control_.stop_asked);
+    if (options_.time_limit > 0) stop.stop_after(std::max(kNoTime, options_.time_limit - spent()));
+    GeometryOptions geometry = geometry_;
+    geometry.threads = threads_to_slide();
+    geometry.stop = &stop;
+    try {
+      const auto split = refine_on_model(mesh, geometry, *model_, wanted, most, refinement);
+      if (!split || *split == 0) return std::nullopt;
+    } catch (const Interrupted&) {
+      return std::nullopt;
+    }
+    const bool is_free = geometry_.slide == SlideOn::Auto || geometry_.slide == SlideOn::Coupled;
+    auto done = run(mesh, is_free ? SlideOn::All : geometry_.slide, kMostShare, true);
+    return done ? std::optional(std::move(*done)) : std::nullopt;
+  }
+
+  static std::vector<RepairStep> splits_of(std::vector<RepairStep> steps) {
+    std::erase_if(steps, [](const RepairStep& step) { return step.kind == RepairStep::Kind::Left; });
+    return steps;
+  }
+
+  int threads_to_slide() const {
+    const auto& threads = hooks_.threads_to_slide ? hooks_.threads_to_slide : control_.threads;
+    return threads ? threads() : options_.threads;
+  }
+
   /// Slides in this way and optimises the mesh.
-  /// @param share  of the time that is left
-  Expected<Run> run(SlideOn slide, double share) {
+  /// @param share      of the time that is left
+  /// @param is_curved  the mesh comes from another run, so it is neither snapped nor curved
+  Expected<Run> run(HighOrderMesh mesh, SlideOn slide, double share, bool is_curved = false) {
     Options options = options_;
     if (options.time_limit > 0) options.time_limit = std::max(kNoTime, share * (options.time_limit - spent()));
-    HighOrderMesh mesh = mesh_;
     const bool slides = slide != SlideOn::None || !geometry_.on_boundary();
     Run run;
     const Stopwatch watch;
     if (slides) {
-      const auto fine = slide_nodes(mesh, slide, options.time_limit, run);
+      const auto fine = slide_nodes(mesh, slide, options.time_limit, is_curved, run);
       if (!fine) return tl::unexpected(fine.error());
       if (is_first_) tell_sentences(run.slid, std::nullopt);
     }
@@ -169,14 +277,17 @@ class Runs {
 
   /// Sets Run::slid, and Run::cut_short if sliding was stopped. The mesh is then as it came or as it was curved, and in
   /// the first run a sentence says so.
-  Expected<void> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit, Run& run) const {
+  Expected<void> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit, bool is_curved, Run& run) const {
     StopToken stop(control_.stop_asked);
     if (limit > 0) stop.stop_after(kMostToSlide * limit);
     GeometryOptions geometry = geometry_;
     geometry.slide = slide;
+    if (is_curved) {
+      geometry.order = 0;
+      geometry.snap = false;
+    }
     geometry.coupled_seconds = limit / 2;
-    const auto& threads = hooks_.threads_to_slide ? hooks_.threads_to_slide : control_.threads;
-    geometry.threads = threads ? threads() : options_.threads;
+    geometry.threads = threads_to_slide();
     geometry.stop = &stop;
     try {
       auto slid = model_ != nullptr ? slide_and_measure(mesh, geometry, *model_)
@@ -211,7 +322,8 @@ class Runs {
   }
 
   const HighOrderMesh mesh_;  ///< As it came.
-  const Options& options_;
+  Options options_;
+  const bool refines_;
   GeometryOptions geometry_;
   const geometry::Geometry* model_;
   const OnIteration& on_iteration_;
@@ -220,10 +332,11 @@ class Runs {
   CheckpointsOfRuns checkpoints_;
   ResultOnGeometry best_;
   bool is_first_ = true;
-  int iterations_ = 0;       ///< Of all runs so far,
-  const Stopwatch& watch_;   ///< and their seconds:
-  double spent_;             ///< those before them, and what they say themselves.
-  bool is_stopped_ = false;  ///< A run after the first was stopped.
+  std::optional<std::string> refinement_;  ///< What has refined the best mesh, in a sentence.
+  int iterations_ = 0;                     ///< Of all runs so far,
+  const Stopwatch& watch_;                 ///< and their seconds:
+  double spent_;                           ///< those before them, and what they say themselves.
+  bool is_stopped_ = false;                ///< A run after the first was stopped.
 };
 
 }  // namespace
@@ -233,6 +346,8 @@ Expected<ResultOnGeometry> optimise_on_geometry(HighOrderMesh mesh, const Option
                                                 const OnIteration& on_iteration, const RunControl& control,
                                                 const OnGeometryHooks& hooks) {
   if (auto fine = check(geometry); !fine) return tl::unexpected(fine.error());
+  if (options.repair == Repair::Refine && geometry.on_boundary())
+    return bad_option("repair is refine, which needs a model for its new nodes; choose split, or give a model.");
   const Stopwatch watch;
   Expected<geometry::Geometry> loaded;
   if (model == nullptr && !geometry.on_boundary()) {

@@ -266,7 +266,7 @@ bool leaves_the_way_open(const Options& options) {
   without_objective.min_js = Options().min_js;
   constexpr int kCurved = 2;
   return options.objective != Objective::Energy && objective_of(without_objective, kCurved) == Objective::Accuracy &&
-         options.method == Method::Auto && options.repair != Repair::Split && options.max_iterations > 0;
+         options.method == Method::Auto && !splits(options.repair) && options.max_iterations > 0;
 }
 
 bool try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,

@@ -39,6 +39,7 @@ TEST(OptionFlags, ThereIsOneForEachOptionOfAGeometryButTheOrder) {
   EXPECT_TRUE(geometry.snap());
   EXPECT_EQ(geometry.slide_on(), v1::Geometry::SLIDE_ON_BOUNDARY);
   EXPECT_EQ(geometry.smooth_angle(), 0);
+  EXPECT_FALSE(geometry.has_growth());
 }
 
 TEST(OptionFlags, SetOnlyTheFieldsThatAreGiven) {

@@ -231,6 +231,9 @@ class InProcess(WithFolder):
         done = run("optimise", folded, "-o", out, "--repair", "split", "--region-below", "0.5")
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("region_below", done.stderr)
+        done = run("optimise", folded, "-o", out, "--repair", "refine")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("--repair refine needs a model", done.stderr)
 
     def test_ctrl_c_keeps_the_work_and_says_so(self):
         out = self.folder / "out.msh"

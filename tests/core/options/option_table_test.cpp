@@ -39,7 +39,7 @@ TEST(OptionTable, HasAWordForEachValueOfAnEnum) {
     return member.words.back();
   };
   EXPECT_EQ(last_word("energy", [](Options& o) { o.energy = Energy::Distortion; }), "distortion");
-  EXPECT_EQ(last_word("repair", [](Options& o) { o.repair = Repair::Straighten; }), "straighten");
+  EXPECT_EQ(last_word("repair", [](Options& o) { o.repair = Repair::Refine; }), "refine");
   EXPECT_EQ(last_word("target", [](Options& o) { o.target = Target::Strain; }), "strain");
   EXPECT_EQ(last_word("method", [](Options& o) { o.method = Method::Newton; }), "newton");
   EXPECT_EQ(last_word("until", [](Options& o) { o.until = Until::Valid; }), "valid");
@@ -99,6 +99,7 @@ TEST(GeometryOptions, AreRefusedOutOfTheirRangeOrIfTheyDoNotGoTogether) {
   EXPECT_EQ(refused([](auto& o) { o.smooth_angle = 46; }), "smooth_angle is 46; give degrees from 0 to 45.");
   EXPECT_NE(refused([](auto& o) { o.tolerance = -1; }).find("tolerance is -1"), std::string::npos);
   EXPECT_NE(refused([](auto& o) { o.tolerance = 1; }).find("only with slide coupled"), std::string::npos);
+  EXPECT_EQ(refused([](auto& o) { o.growth = 0.9; }), "growth is 0.9; give a number, 1 or more.");
   EXPECT_NE(refused([](auto& o) { o.order = 11; }).find("order is 11"), std::string::npos);
   for (const auto set : {+[](GeometryOptions& o) { o.file = "part.step"; }, +[](GeometryOptions& o) { o.order = 3; },
                          +[](GeometryOptions& o) { o.snap = true; }, +[](GeometryOptions& o) { o.smooth_angle = 5; },

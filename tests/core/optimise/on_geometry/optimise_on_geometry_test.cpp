@@ -286,5 +286,61 @@ TEST(OptimiseOnGeometry, NeedsMemoryForTheMeshAsItCameAndTheBest) {
   EXPECT_GT(memory_needed_on_geometry(straight, {}, curved), memory_needed_on_geometry(straight, {}, {}));
 }
 
+ResultOnGeometry refined(const HighOrderMesh& mesh, SlideOn slide, double growth, int threads = 1) {
+  Options options;
+  options.repair = Repair::Refine;
+  options.threads = threads;
+  GeometryOptions geometry;
+  geometry.slide = slide;
+  geometry.growth = growth;
+  auto done = optimise_on_geometry(mesh, options, geometry, &cylinder());
+  EXPECT_TRUE(done) << done.error().sentence;
+  return done ? std::move(*done) : ResultOnGeometry();
+}
+
+TEST(OptimiseOnGeometry, RefinesTheBoundaryWhereSplitsInsideLeaveElements) {
+  // At the corners of the square that became the disc, triangles of its ends have two edges on a circle. There they
+  // have no area, and no node may leave the circle.
+  const HighOrderMesh mesh = DiscMesh(3, 3).mesh();
+  Options splits;
+  splits.repair = Repair::Split;
+  GeometryOptions all;
+  all.slide = SlideOn::All;
+  EXPECT_GT(left(optimise_on_geometry(mesh, splits, all, &cylinder()).value().result), 0);
+  const ResultOnGeometry done = refined(mesh, SlideOn::All, 1.5);
+  EXPECT_EQ(left(done.result), 0);
+  EXPECT_GT(done.result.mesh.element_count(3), mesh.element_count(3));
+  EXPECT_LE(2 * done.result.mesh.element_count(3), 3 * mesh.element_count(3));
+  const CertificateSummary& came = done.result.before.certified;
+  EXPECT_EQ(came.valid + came.invalid + came.undecided, static_cast<std::int64_t>(mesh.element_count(3)));
+  ASSERT_TRUE(done.slid);
+  EXPECT_TRUE(done.slid->slid.sentences.back().starts_with("Refining split 4 edges at surfaces 2, 3 of the model"))
+      << done.slid->slid.sentences.back();
+  EXPECT_TRUE(std::ranges::any_of(done.result.repairs, [](const RepairStep& step) {
+    return step.sentence.starts_with("The boundary edge between nodes");
+  }));
+  EXPECT_EQ(done.result.mesh.coordinates, refined(mesh, SlideOn::All, 1.5, 3).result.mesh.coordinates);
+}
+
+TEST(OptimiseOnGeometry, RefinesNothingIfNothingIsLeftOrTheMeshMayNotGrow) {
+  const ResultOnGeometry whole = on_cylinder(SlideOn::Auto), same = refined(disc(), SlideOn::Auto, 1.5);
+  EXPECT_EQ(left(whole.result), 0);
+  EXPECT_EQ(whole.result.mesh.coordinates, same.result.mesh.coordinates);
+  const ResultOnGeometry stays = refined(DiscMesh(3, 3).mesh(), SlideOn::All, 1);
+  EXPECT_GT(left(stays.result), 0);
+  EXPECT_TRUE(std::ranges::none_of(
+      stays.result.repairs, [](const RepairStep& step) { return step.sentence.starts_with("The boundary edge"); }));
+}
+
+TEST(OptimiseOnGeometry, RefinesNoMeshWithoutAModel) {
+  Options options;
+  options.repair = Repair::Refine;
+  GeometryOptions geometry;
+  geometry.slide_on = GeometrySource::Boundary;
+  const auto done = optimise_on_geometry(disc(), options, geometry);
+  ASSERT_FALSE(done);
+  EXPECT_NE(done.error().sentence.find("needs a model"), std::string::npos) << done.error().sentence;
+}
+
 }  // namespace
 }  // namespace varimesh
