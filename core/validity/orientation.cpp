@@ -229,7 +229,19 @@ double enclosed_volume(const FacetVolume& volume, const Cells& cells, const Face
 
 double orientation(const HighOrderMesh& mesh, const Team& team) {
   const std::vector<std::int8_t> signs = centre_signs(mesh, team);
-  return 2 * std::ranges::count(signs, -1) > std::ssize(signs) ? -1 : 1;
+  if (2 * std::ranges::count(signs, -1) <= std::ssize(signs)) return 1;
+  // Cells that turn far, as parts of a spiral, may be inverted with straight sides although none is as it is curved.
+  const Cells cells(mesh, mesh.dimension);
+  const FacetVolume volume(mesh, cells);
+  std::vector<double> parts(cells.count());
+  team.for_ranges(parts.size(), kFacetsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; ++cell)
+      for (int facet = 0; facet < static_cast<int>(reference::info(cells.shape(cell)).facets.size()); ++facet)
+        parts[cell] += volume.of(cell, facet, cells.nodes(cell).front());
+  });
+  double sum = 0;
+  for (const double part : parts) sum += part;
+  return sum > 0 ? 1 : -1;
 }
 
 std::vector<char> clockwise_cells(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {

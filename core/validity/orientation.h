@@ -12,8 +12,8 @@
 
 namespace varimesh::detail {
 
-/// −1 if most straight-sided cells have a negative Jacobian at their centre, else 1. Flat cells count as positive:
-/// their sign is only rounding. Call it inside team.run().
+/// −1 if most straight-sided cells have a negative Jacobian at their centre and the curved cells have a negative volume
+/// together, else 1. Flat cells count as positive: their sign is only rounding. Call it inside team.run().
 double orientation(const HighOrderMesh& mesh, const Team& team = Team(1));
 
 /// By cell, in the mesh's order: 1 if it is numbered clockwise (in space: left-handed). Empty if no cell is.

@@ -10,6 +10,7 @@
 #include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
+#include "core/mesh/changes/to_simplices.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/marks/marks.h"
@@ -22,7 +23,7 @@ constexpr int kAllThreads = 0;
 
 struct Arguments {
   std::string input, output, flag_output, format;
-  bool orient = false;
+  bool orient = false, simplices = false;
   Repairs repairs;
 };
 
@@ -73,6 +74,11 @@ int convert(const Arguments& arguments) {
   if (const auto done = repair(arguments.repairs, *file, say); !done) return print_error(done.error());
   if (arguments.orient)
     if (const auto done = orient(file->mesh); !done) return print_error(done.error());
+  if (arguments.simplices) {
+    auto cut = to_simplices(file->mesh);
+    if (!cut) return print_error(cut.error());
+    file->mesh = std::move(*cut);
+  }
   // A mesh whose quality cannot be computed is written without marks.
   std::optional<CellMarks> marks;
   if (*format == formats::Format::Vtu && check_judgeable(file->mesh))
@@ -95,6 +101,7 @@ Action add_convert(Command program) {
   command.add("-o,--output", &arguments->flag_output, "The same as OUT").value("OUT");
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
   command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
+  command.add("--simplices", &arguments->simplices, "Cut all elements into triangles or tetrahedra, without new nodes");
   add_repair_flags(command, &arguments->repairs);
   return [arguments] { return convert(*arguments); };
 }

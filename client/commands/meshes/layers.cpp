@@ -17,6 +17,7 @@
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
 #include "core/layers/split/split_layers.h"
+#include "core/mesh/changes/to_simplices.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
@@ -30,6 +31,7 @@ struct Arguments {
   Repairs repairs;
   LayerSplit split;
   int threads = 0;
+  bool simplices = false;
   double reynolds = 0, length = 0, y_plus = 1;
 };
 
@@ -82,6 +84,10 @@ std::string text_of(const LayerSplitReport& report) {
   if (report.beside > 0)
     text << "; " << report.beside << " of the " << report.split
          << " that were split lie beside the wall and were split so that the mesh conforms";
+  if (report.same_shares)
+    text << "\nheights    are the same share of every thick element; with the same heights everywhere, elements would "
+            "be "
+            "invalid";
   if (report.stretched > 0.01) {
     text.precision(2);
     text << "\nheights    differ by up to " << 100 * report.stretched
@@ -102,6 +108,7 @@ Json document_of(const LayerSplitReport& report) {
           {"first_height", report.first},
           {"last_height", report.last},
           {"growth", report.growth},
+          {"same_shares", report.same_shares},
           {"stretched", report.stretched}};
 }
 
@@ -164,11 +171,16 @@ int layers(Arguments arguments) {
   const auto format = check_files(arguments, file->format);
   if (!format) return print_error(format.error());
   const Team team(arguments.threads);
-  const auto checked = check_mesh(file->mesh, CheckFor::Judging, team);
+  const auto checked = check_mesh(file->mesh, CheckFor::Optimising, team);
   if (!checked) return print_error(with_fitting_orders(checked.error(), *file));
   auto split = split_layers(*checked, arguments.split, team);
   if (!split) return print_error(split.error());
   file->mesh = std::move(split->mesh);
+  if (arguments.simplices) {
+    auto cut = to_simplices(file->mesh);
+    if (!cut) return print_error(cut.error());
+    file->mesh = std::move(*cut);
+  }
   return deliver(arguments, *file, *format, split->report);
 }
 
@@ -211,6 +223,7 @@ Action add_layers(Command program) {
       .add("--layer-spacing", &arguments->spacing,
            "Spacing of nodes across a layer: graded as the layers grow (default), or even")
       .one_of({"graded", "even"});
+  command.add("--simplices", &arguments->simplices, "Cut all elements of the result into triangles or tetrahedra");
   command.add("--threads", &arguments->threads, "Number of threads; 0: all").from(0, 4096);
   add_repair_flags(command, &arguments->repairs);
   add_report_flag(command, &arguments->report);

@@ -15,6 +15,8 @@ class EdgeHeight {
   /// @param normal  the unit normal of the wall at the beginning. If the edge rises too obliquely from the wall, or
   ///                not steadily, its own direction counts instead.
   EdgeHeight(const std::vector<Eigen::Vector3d>& nodes, const Eigen::Vector3d& normal);
+  /// An edge whose height is its parameter, times its total height.
+  explicit EdgeHeight(double total) : at_node_{0, total}, is_linear_(true) {}
 
   /// The height of the whole edge.
   double total() const { return at_node_.back(); }

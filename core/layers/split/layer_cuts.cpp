@@ -70,13 +70,15 @@ class Cutter {
         wall_(wall),
         wanted_(wanted),
         report_(report),
-        spacing_(wanted.spacing == LayerSpacing::Graded ? LayerSpacing::Graded : LayerSpacing::Even),
+        spacing_(wanted.spacing == LayerSpacing::Graded && !report.same_shares ? LayerSpacing::Graded
+                                                                               : LayerSpacing::Even),
         cuts_(at(topology.edge_count())) {}
 
   Expected<LayerCuts> cut() {
     find_columns();
     if (const auto checked = find_sides(); !checked) return tl::unexpected(checked.error());
     if (const auto done = choose_heights(); !done) return tl::unexpected(done.error());
+    if (report_.same_shares) take_same_shares();
     for (const Column& column : columns_) cut_column(column);
     spread();
     describe();
@@ -230,6 +232,24 @@ class Cutter {
     report_.stretched = std::max(report_.stretched, std::abs(factor - 1));
     for (double& part : parts) part *= factor;
     return parts;
+  }
+
+  /// Every column of a sheet gets the shares of the middle one. Heights are then counted as multiples of the parameter.
+  void take_same_shares() {
+    std::map<std::int32_t, std::vector<Column*>> by_sheet;
+    for (Column& column : columns_) by_sheet[sheets_.sheet(column.edges.back().edge)].push_back(&column);
+    for (auto& [sheet, columns] : by_sheet) {
+      const auto middle = columns.begin() + std::ptrdiff_t(columns.size() / 2);
+      std::ranges::nth_element(columns, middle, {}, [](const Column* column) { return column->total; });
+      const Column typical = **middle;
+      for (Column* column : columns) {
+        column->heights.clear();
+        for (const EdgeHeight& edge : typical.heights)
+          column->heights.emplace_back(edge.total() / typical.total * column->total);
+        column->layers = typical.layers;
+        for (double& height : column->layers) height *= column->total / typical.total;
+      }
+    }
   }
 
   void cut_column(const Column& column) {

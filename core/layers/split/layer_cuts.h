@@ -40,6 +40,7 @@ class LayerCuts {
 };
 
 /// Cuts the edges that rise from the wall, and those that must be cut alike. Fills in what the report says of heights.
+/// If report.same_shares is set, all edges of a sheet are cut at the same parameters.
 /// Errors: BadInput if a column is not high enough, or if layers from several sides do not go together.
 Expected<LayerCuts> cut_layers(const HighOrderMesh& mesh, const Topology& topology, const Sheets& sheets,
                                const WallColumns& wall, const LayerSplit& wanted, LayerSplitReport& report);

@@ -34,6 +34,9 @@ struct LayerSplitReport {
   std::int64_t beside = 0;    ///< and those of them that are not in the rows, split so that the mesh conforms.
   std::int64_t cells_before = 0, cells_after = 0;
   std::array<double, 2> first{}, last{}, growth{};
+  /// Whether layers have the same share of each edge, although heights would differ less otherwise: elements would not
+  /// all have been valid.
+  bool same_shares = false;
   /// By how much of its height a layer differs from what was wanted; above 0 only if there are several rows.
   double stretched = 0;
 };
@@ -49,13 +52,16 @@ struct SplitLayers {
 /// parts of the reference cell (D. Moxey, M. D. Green, S. J. Sherwin, J. Peiró, Comput. Methods Appl. Mech. Engrg. 283,
 /// 2015, 636–650). Otherwise they interpolate such maps.
 ///
-/// The mesh stays conforming. Cells beside the layers whose faces would be cut are cut as well: through opposite edges
-/// of quadrilaterals as far as there are quadrilaterals, and triangles, pyramids and tetrahedra into fans. Boundary
-/// elements are split with their cells, and keep groups and entities. Nodes and numbers of all that is not split stay,
-/// bit for bit. The first part of an element keeps its number.
+/// A 2-D mesh may lie in any plane. The mesh stays conforming. Cells beside the layers whose faces would be cut are cut
+/// as well: through opposite edges of quadrilaterals as far as there are quadrilaterals, and triangles, pyramids and
+/// tetrahedra into fans. Boundary elements are split with their cells, and keep groups and entities. Nodes and numbers
+/// of all that is not split stay, bit for bit. The first part of an element keeps its number.
 ///
 /// Heights are measured along the normal of the wall at its vertices, and along the edge itself where the wall is sharp
 /// or the edge leans by more than 60°.
+///
+/// If all cells that are split are certified valid, but not all of their parts, then layers get the same share of every
+/// edge instead, and an even spacing, if fewer parts are left by that. Exact parts of valid cells are valid.
 ///
 /// The result does not depend on the number of threads. Do not call it inside team.run(). Errors: BadOption and
 /// BadInput, for heights that are no heights or higher than the cells, walls that do not exist, and cells that cannot

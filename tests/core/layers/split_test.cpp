@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "core/quality/quality.h"
 #include "tests/core/layers/split_meshes.h"
 
 namespace varimesh {
@@ -220,6 +221,41 @@ TEST(SplitLayers, AreTheSameWithAnyNumberOfThreads) {
   const auto three = split(mesh, geometric(7, 1.4, LayerSpacing::Graded), 3);
   ASSERT_TRUE(one && three);
   EXPECT_EQ(one->mesh.coordinates, three->mesh.coordinates);
+}
+
+/// A sheet that is rolled up by 360°. Layers along it turn by 120° each, so with straight sides they are inverted. Its
+/// ends have no normal that layers could follow, so they take the same share of each edge.
+TEST(SplitLayers, FollowASpiral) {
+  for (const Shape shape : {Shape::Quadrilateral, Shape::Hexahedron})
+    for (const int layers : {2, 3, 4, 7}) {
+      HighOrderMesh mesh = *change_order(box(shape, 1, 1), 9);
+      for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+        double* x = &mesh.coordinates[3 * n];
+        const double angle = 2 * std::numbers::pi * x[1], radius = 1 + 0.5 * x[1] - 0.3 * x[0];
+        x[0] = -radius * std::cos(angle);
+        x[1] = radius * std::sin(angle);
+      }
+      ASSERT_EQ(quality(mesh).certified.valid, 1);
+      const auto made = split(mesh, geometric(layers, 1.2, LayerSpacing::Graded));
+      ASSERT_TRUE(made) << made.error().sentence;
+      EXPECT_EQ(quality(made->mesh).certified.valid, layers);
+    }
+}
+
+TEST(SplitLayers, LieInThePlaneOfTheirMesh) {
+  HighOrderMesh mesh = bent(box(Shape::Quadrilateral, 3, 2), 3);
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    double* x = &mesh.coordinates[3 * n];
+    std::swap(x[1], x[2]);
+    x[1] = 5;
+  }
+  const Team team(1);
+  const auto checked = check_mesh(mesh, CheckFor::Optimising, team);
+  ASSERT_TRUE(checked);
+  const auto made = split_layers(*checked, geometric(4, 1.5), team);
+  ASSERT_TRUE(made) << made.error().sentence;
+  for (std::size_t n = 0; n < made->mesh.node_count(); ++n) EXPECT_EQ(made->mesh.coordinates[3 * n + 1], 5);
+  EXPECT_EQ(made->report.cells_after, 3 * 4 + 3);
 }
 
 TEST(SplitLayers, RefuseWhatTheyCannotDo) {
