@@ -154,20 +154,26 @@ class Runs {
     return std::ranges::any_of(mesh_.blocks, [&](const ElementBlock& block) { return block.shape == simplex; });
   }
 
+  /// How many elements the mesh may have. Splits inside count, too.
+  std::size_t most_cells() const {
+    return static_cast<std::size_t>(geometry_.growth * static_cast<double>(mesh_.element_count(mesh_.dimension)));
+  }
+  bool may_have(const HighOrderMesh& mesh) const { return mesh.element_count(mesh.dimension) <= most_cells(); }
+
   /// Lets the same run split edges and faces inside the mesh, which adds fewer elements where it helps.
   void split_inside() {
     if (mesh_.dimension != 3 || !may_go_on()) return;
     auto split = run(mesh_, geometry_.slide, kMostShareBeforeRefining);
     if (!split || split->cut_short != StopToken::Reason::None) return;
     is_stopped_ = split->result.stopped;
-    if (!is_stopped_ && is_better(merit_of(split->result.after), merit_of(best_.result.after)))
+    if (!is_stopped_ && may_have(split->result.mesh) &&
+        is_better(merit_of(split->result.after), merit_of(best_.result.after)))
       take_refined(std::move(*split));
   }
 
   /// Splits edges of the elements that are left, and optimises the mesh from there, round by round. Takes the best.
   void refine() {
     const std::size_t came = mesh_.element_count(mesh_.dimension);
-    const auto most = static_cast<std::size_t>(geometry_.growth * static_cast<double>(came));
     HighOrderMesh mesh = best_.result.mesh;
     Refinement refinement;
     refinement.steps = splits_of(best_.result.repairs);
@@ -176,7 +182,7 @@ class Runs {
     int in_vain = 0;  // rounds since there were fewer
     for (int round = 0; round < kMostRounds && in_vain < kMostInVain && !wanted.empty() && may_go_on(); ++round) {
       std::ranges::sort(wanted);
-      auto other = refined_run(mesh, wanted, most, refinement);
+      auto other = refined_run(mesh, wanted, most_cells(), refinement);
       is_stopped_ = other && (other->result.stopped || other->cut_short == StopToken::Reason::Asked);
       if (!other || is_stopped_ || other->cut_short != StopToken::Reason::None) break;
       wanted = uncertified_numbers(other->result.after);
@@ -186,7 +192,7 @@ class Runs {
       std::vector<RepairStep> all = refinement.steps;
       all.insert(all.end(), other->result.repairs.begin(), other->result.repairs.end());
       refinement.steps = splits_of(all);
-      if (!is_better(merit_of(other->result.after), merit_of(best_.result.after))) continue;
+      if (!may_have(mesh) || !is_better(merit_of(other->result.after), merit_of(best_.result.after))) continue;
       other->result.repairs = std::move(all);
       take_refined(std::move(*other));
       refinement_ = refinement.sentence(came, mesh.element_count(mesh.dimension));
