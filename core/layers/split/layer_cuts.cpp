@@ -3,15 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iomanip>
 #include <map>
 #include <numeric>
 #include <span>
+#include <sstream>
 #include <string>
 
 #include "core/base/index.h"
 #include "core/layers/facet_table.h"
 #include "core/layers/spacing.h"
-#include "core/options/option_table.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::detail {
@@ -23,6 +24,12 @@ using Vector = Eigen::Vector3d;
 constexpr double kFilled = 1e-6;
 /// What is left of a column above the layers must be at least this high, relative to the highest layer.
 constexpr double kLeastLeft = 0.01;
+
+std::string four_digits(double number) {
+  std::ostringstream text;
+  text << std::setprecision(4) << number;
+  return text.str();
+}
 
 /// The nodes on edges of cells, from the vertex with the lower number to the other one.
 std::vector<std::vector<std::int32_t>> nodes_of_edges(const HighOrderMesh& mesh, const Topology& topology,
@@ -178,7 +185,7 @@ class Cutter {
   }
 
   tl::unexpected<Error> too_low(const Column& column) const {
-    return bad_input("The layers do not fit " + at_node(column) + ": the cells are " + number_text(column.room()) +
+    return bad_input("The layers do not fit " + at_node(column) + ": the cells are " + four_digits(column.room()) +
                      " high there" + (column.is_between ? ", halfway to the wall on the other side" : "") +
                      ". Give fewer or lower layers, or a thicker row of cells.");
   }
