@@ -1,7 +1,8 @@
 // Cells cut into simplices: conforming, valid and of the same volume, split layers included.
+#include "core/mesh/changes/to_simplices.h"
+
 #include <gtest/gtest.h>
 
-#include "core/mesh/changes/to_simplices.h"
 #include "core/quality/quality.h"
 #include "tests/core/layers/split_meshes.h"
 
