@@ -239,7 +239,10 @@ class Interrupts(WithFolder):
         os.mkfifo(pipe)
         temporary.mkdir()
         client = start("optimise", MESH, "-o", pipe, env={**os.environ, "TMPDIR": str(temporary)})
-        wait_for_line(client, "succeeded")
+        wait_for_line(client, "accuracy")
+        deadline = time.monotonic() + 20
+        while not list(temporary.iterdir()) and time.monotonic() < deadline:
+            time.sleep(0.01)
         self.assertNotEqual(list(temporary.iterdir()), [])
         for _ in range(2):
             client.send_signal(signal.SIGINT)
