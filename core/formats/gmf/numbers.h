@@ -56,7 +56,7 @@ class Numbers {
     if (!binary_) return scan.text_number(what);
     return version == 1 ? double(raw<float>(what)) : raw<double>(what);
   }
-  /// How many bytes a thing takes; in text, at least so many.
+  /// How many bytes a value takes in the file. In text this is the least number of bytes.
   std::size_t bytes(const Thing& thing) const {
     const auto [integers, reals] = thing;
     return std::size_t(binary_ ? integers * (version < 4 ? 4 : 8) + reals * (version == 1 ? 4 : 8)

@@ -15,7 +15,7 @@ namespace varimesh::formats {
 /// For each element of the boundary, block by block, the number of a cell with the same side; −1 if there is none.
 std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh);
 
-/// The blocks of curved lines in a mesh of dimension 2 all nodes of which come from edges of cells.
+/// The blocks of curved lines, in a mesh of dimension 2, whose nodes are all nodes of edges of cells.
 std::vector<const ElementBlock*> lines_on_edges(const HighOrderMesh& mesh);
 
 /// Gives lines of order 1 in a mesh of dimension 2 the nodes of the edge of a cell of higher order with the same ends.

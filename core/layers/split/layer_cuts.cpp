@@ -147,7 +147,7 @@ class Cutter {
 
   tl::unexpected<Error> overlap(const Column& column) const {
     return bad_input("The layers " + at_node(column) +
-                     " reach cells into which other layers of the wall lead, in another row. Give fewer --rows, or "
+                     " reach cells into which other layers of the wall lead, in another row. Ask for fewer rows, or "
                      "split the walls one after another.");
   }
 
@@ -213,8 +213,9 @@ class Cutter {
       ends_.push_back(is_last ? report_.layers : best);
       from = best;
       if (is_last || best < report_.layers) continue;
-      return bad_input("The layers end in row " + std::to_string(row + 1) + " above the wall. Give --rows " +
-                       std::to_string(row + 1) + ", or more layers.");
+      return bad_input("The layers end in row " + std::to_string(row + 1) +
+                       " above the wall. Ask for more layers, or for this number of rows: " + std::to_string(row + 1) +
+                       ".");
     }
     return {};
   }

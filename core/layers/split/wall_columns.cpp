@@ -133,9 +133,10 @@ class ColumnFinder {
     const std::string what =
         "element " + std::to_string(cells_.number(cell)) + ", a " + std::string(reference::info(shape).name);
     if (row > 0)
-      return {Error::Kind::BadInput, "Row " + std::to_string(row + 1) + " above the wall has " + what +
-                                         ", which has no side opposite the row below. Give --rows " +
-                                         std::to_string(row) + " or less."};
+      return {Error::Kind::BadInput,
+              "Row " + std::to_string(row + 1) + " above the wall has " + what +
+                  ", which has no side opposite the row below. The number of rows can be at most " +
+                  std::to_string(row) + "."};
     return {Error::Kind::BadInput, "At the wall lies " + what +
                                        ". Layers are made from quadrilaterals, hexahedra, and prisms that stand on a "
                                        "triangle; mesh the wall with a thick layer of such cells."};
@@ -169,8 +170,8 @@ class ColumnFinder {
       if (facets_.neighbour[top] < 0)
         return bad_input("There " + std::string(row == 0 ? "is" : "are") + " only " + std::to_string(row + 1) +
                          (row == 0 ? " row" : " rows") + " of cells above the wall, at element " +
-                         std::to_string(cells_.number(cell)) + ". Give --rows " + std::to_string(row + 1) +
-                         " or less.");
+                         std::to_string(cells_.number(cell)) + ". The number of rows can be at most " +
+                         std::to_string(row + 1) + ".");
       cell = at(facets_.neighbour[top]);
       local = facets_.opposite[top] - facets_.first[cell];
     }
