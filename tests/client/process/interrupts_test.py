@@ -6,6 +6,7 @@ import pty
 import random
 import re
 import resource
+import select
 import signal
 import subprocess
 import sys
@@ -202,10 +203,13 @@ class OnAServer(WithServer):
 
         def read_until(pattern):
             nonlocal printed
+            deadline = time.monotonic() + 40
             while not re.search(pattern, printed):
+                ready, *_ = select.select([mine], [], [], max(0, deadline - time.monotonic()))
+                self.assertTrue(ready, f"no {pattern} in {printed!r}")
                 printed += os.read(mine, 65536).decode()
 
-        read_until("residual")
+        read_until("min Js")
         client.send_signal(signal.SIGINT)
         read_until(r"\[L/c\]")
         os.write(mine, answer)
