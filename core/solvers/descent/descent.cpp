@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/shared_work.h"
 #include "core/kernels/p_norm.h"
 #include "core/merit/thresholds.h"
 #include "core/quality/accuracy/team_accuracy.h"
@@ -40,6 +41,7 @@ constexpr int kMostSteps = 8;
 constexpr int kMostSettling = 12;  ///< Rounds that change no factor.
 constexpr int kMostProducts = 300;
 constexpr int kFewProducts = 3;
+constexpr std::int32_t kCellsPerTask = 4096;
 
 }  // namespace
 
@@ -139,17 +141,17 @@ void Descent::set_weights() {
   const Material& m = context_.material;
   const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
   objective_.form();
-  const std::vector<double> around = loss_around(problem_, form_.squared_losses());
+  const std::vector<double> around = loss_around(problem_, form_.squared_losses(), team_);
   std::vector<double> stiff(weights_.size()), hold(weights_.size());
   for (const CellSet& set : problem_.sets)
-    for (std::int32_t i = 0; i < set.count; ++i) {
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t i) {
       const std::size_t cell = static_cast<std::size_t>(set.first) + i;
       const double share = caution_ * kWeight * around[cell], weight = share * factors_[cell];
       const double size = problem_.cell_size[cell];
       weights_[cell] = weight / cell_measure(set, i);
       stiff[cell] = stiffness * weight;
       hold[cell] = kHold * share / (size * size);  // what raises a cell must be able to move its vertices
-    }
+    });
   levels_.take_diagonals(form_, stiff);
   objective_.hold_vertices(hold, from_);
 }
@@ -158,7 +160,8 @@ void Descent::minimise(DescentRound& round) {
   NewtonRules rules;
   rules.most_products = kMostProducts;
   rules.few_products = kFewProducts;
-  const std::vector<double> start = free_positions(problem_, problem_.positions);
+  UntouchedVector<double> start(from_.size());
+  objective_.take_places(start);
   NewtonMethod method(objective_, rules);
 
   for (int step = 0; step < kMostSteps; ++step) {
@@ -168,9 +171,7 @@ void Descent::minimise(DescentRound& round) {
     round.relative_gradient = first_gradient_ > 0 ? outcome.gradient_norm / first_gradient_ : 0;
     if (outcome.damping == 0 || (outcome.damping == 1 && outcome.residual <= kLongStep)) break;
   }
-  std::vector<double> moved = free_positions(problem_, problem_.positions);
-  for (std::size_t i = 0; i < moved.size(); ++i) moved[i] -= start[i];
-  round.residual = objective_.largest(moved);
+  round.residual = objective_.largest_from(start);
 }
 
 void Descent::keep_certificates() {
@@ -217,7 +218,8 @@ void Descent::note_scans(DescentRound& round) const {
 }
 
 void Descent::accept(const State& state) {
-  accepted_ = problem_.positions;
+  accepted_.resize(problem_.positions.size());
+  shared_copy<double>(problem_.positions, accepted_, team_);
   accepted_loss_ = state.merit.loss;
   accepted_js_ = state.merit.smallest;
   if (!is_better({.uncertified = best_.merit.uncertified}, {.uncertified = state.merit.uncertified}))
@@ -292,7 +294,7 @@ void Descent::take_back() {
   caution_ *= kCaution;
   ++raises_;
   team_.run([&] {
-    problem_.positions = accepted_;
+    shared_copy<double>(accepted_, problem_.positions, team_);
     context_.guard.certify_moved();
   });
 }

@@ -1,6 +1,7 @@
 #include "core/solvers/descent/loss_around.h"
 
 #include <algorithm>
+#include <atomic>
 
 #include "core/reference/shape.h"
 
@@ -11,30 +12,47 @@ namespace {
 /// more on what is far from it.
 constexpr double kFade = 0.5;
 constexpr int kMostSteps = 20;
+constexpr std::int32_t kCellsPerTask = 4096;
+
+/// Raises a number that several threads of the team may raise to `value`, if it is below it.
+void raise_to(double& number, double value, const Team& team) {
+  if (team.threads() == 1) {
+    number = std::max(number, value);
+    return;
+  }
+  std::atomic_ref shared(number);
+  double seen = shared.load(std::memory_order_relaxed);
+  while (seen < value && !shared.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
+  }
+}
 
 }  // namespace
 
-std::vector<double> loss_around(const Problem& problem, std::span<const double> values) {
+std::vector<double> loss_around(const Problem& problem, std::span<const double> values, const Team& team) {
   std::vector<double> around(values.begin(), values.end());
   std::vector<double> of_nodes(problem.positions.size() / problem.dimension);
-  const auto for_vertices = [&](const auto& use) {
+  const auto for_cells = [&](const auto& use) {
     for (const CellSet& set : problem.sets)
-      for (std::int32_t cell = 0; cell < set.count; ++cell)
-        for (int v = 0; v < reference::info(set.shape).vertices; ++v)
-          use(around[static_cast<std::size_t>(set.first) + cell],
-              of_nodes[set.nodes[static_cast<std::size_t>(cell) * set.nodes_per_cell + v]]);
+      team.for_each(set.count, kCellsPerTask, [&, vertices = reference::info(set.shape).vertices](std::int32_t cell) {
+        use(around[static_cast<std::size_t>(set.first) + cell],
+            std::span(&set.nodes[static_cast<std::size_t>(cell) * set.nodes_per_cell], vertices));
+      });
   };
   double least = around.empty() ? 0 : *std::ranges::max_element(around);
-  bool changes = true;
+  std::atomic<bool> changes = true;
   for (int step = 0; step < kMostSteps; ++step) {
     least *= kFade;
     if (!changes) continue;
     changes = false;
-    for_vertices([](double of_cell, double& of_node) { of_node = std::max(of_node, of_cell); });
-    for_vertices([&](double& of_cell, double of_node) {
-      if (of_cell >= kFade * of_node) return;
-      of_cell = kFade * of_node;
-      changes = true;
+    for_cells([&](double of_cell, std::span<const std::int32_t> vertices) {
+      for (const std::int32_t node : vertices) raise_to(of_nodes[node], of_cell, team);
+    });
+    for_cells([&](double& of_cell, std::span<const std::int32_t> vertices) {
+      for (const std::int32_t node : vertices) {
+        if (of_cell >= kFade * of_nodes[node]) continue;
+        of_cell = kFade * of_nodes[node];
+        changes.store(true, std::memory_order_relaxed);
+      }
     });
   }
   for (double& value : around) value = std::max(value, least);

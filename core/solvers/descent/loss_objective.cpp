@@ -28,18 +28,25 @@ LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& fo
       direction_(gradient_.size()),
       product_(gradient_.size()),
       rough_direction_(gradient_.size() + static_cast<std::size_t>(padded(problem.dimension))),
-      rough_product_(rough_direction_.size()) {}
+      rough_product_(rough_direction_.size()) {
+  std::fill(rough_direction_.begin() + static_cast<std::ptrdiff_t>(gradient_.size()), rough_direction_.end(), 0.0F);
+}
 
 void LossObjective::hold_vertices(std::span<const double> hold, std::span<const double> places) {
   places_ = places;
-  hold_.assign(problem_.free.size(), 0.0);
-  for (std::size_t f = 0; f < hold_.size(); ++f)
-    for (std::int64_t i = problem_.offsets[f]; i < problem_.offsets[f + 1]; ++i) {
-      const Incidence& incidence = problem_.incidences[i];
-      const CellSet& set = problem_.sets[incidence.set];
-      const int vertices = reference::info(set.shape).vertices;
-      if (incidence.local < vertices) hold_[f] += hold[set.first + incidence.cell] / vertices / problem_.cells;
+  hold_.resize(problem_.free.size());
+  team_.for_ranges(hold_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      double sum = 0;
+      for (std::int64_t i = problem_.offsets[f]; i < problem_.offsets[f + 1]; ++i) {
+        const Incidence& incidence = problem_.incidences[i];
+        const CellSet& set = problem_.sets[incidence.set];
+        const int vertices = reference::info(set.shape).vertices;
+        if (incidence.local < vertices) sum += hold[set.first + incidence.cell] / vertices / problem_.cells;
+      }
+      hold_[f] = sum;
     }
+  });
 }
 
 double LossObjective::held() const {
@@ -67,7 +74,7 @@ double LossObjective::linearise(bool /*renews*/) {
   const double value = energy_.value() + form() + held();
   noise_ = kNoise * value;
   add_form();
-  std::ranges::fill(step_, 0.0);
+  clear_step();
   return value;
 }
 
@@ -82,19 +89,28 @@ void LossObjective::add_form() {
   });
 }
 
+void LossObjective::clear_step() {
+  team_.for_ranges(step_.size(), kNumbersPerTask,
+                   [&](std::size_t begin, std::size_t end) { std::fill_n(step_.data() + begin, end - begin, 0.0); });
+}
+
 bool LossObjective::make_convex() {
   if (is_convex_ || material_.energy != Energy::Hyperelastic) return false;
   is_convex_ = true;
   energy_.keep_convex_part(material_);
-  for (std::size_t i = 0; i < residual_.size(); ++i) residual_[i] = -gradient_[i];
-  std::ranges::fill(step_, 0.0);
+  team_.for_ranges(gradient_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) residual_[i] = -gradient_[i];
+  });
+  clear_step();
   return true;
 }
 
 // ===== Conjugate gradients =====
 
 double LossObjective::multiply() {
-  std::ranges::copy(direction_, rough_direction_.begin());
+  team_.for_ranges(direction_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) rough_direction_[i] = static_cast<float>(direction_[i]);
+  });
   energy_.multiply(rough_direction_, rough_product_);
   form_.multiply(direction_, product_);
   const double scale = energy_.scale();
@@ -129,29 +145,50 @@ double LossObjective::gradient_norm() {
 
 double LossObjective::preconditioned_norm(double rq) const { return std::sqrt(std::max(0.0, rq)); }
 
-double LossObjective::largest(std::span<const double> displacements) const {
+template <class Displacement>
+double LossObjective::largest_of(const Displacement& displacement) const {
   const std::size_t d = problem_.dimension;
   return std::sqrt(reduction_.largest(problem_.free.size(), kNumbersPerTask, [&](std::size_t f) {
     double square = 0;
-    for (std::size_t k = 0; k < d; ++k) square += displacements[f * d + k] * displacements[f * d + k];
+    for (std::size_t k = 0; k < d; ++k) square += displacement(f, k) * displacement(f, k);
     return square * problem_.inverse_size[f] * problem_.inverse_size[f];
   }));
 }
 
+double LossObjective::largest(std::span<const double> displacements) const {
+  const std::size_t d = problem_.dimension;
+  return largest_of([&](std::size_t f, std::size_t k) { return displacements[f * d + k]; });
+}
+
+double LossObjective::largest_from(std::span<const double> places) const {
+  const std::size_t d = problem_.dimension;
+  return largest_of(
+      [&](std::size_t f, std::size_t k) { return problem_.positions[problem_.free[f] * d + k] - places[f * d + k]; });
+}
+
 double LossObjective::largest_defect() {
-  direction_ = residual_;
+  shared_copy<double>(residual_, direction_, team_);
   energy_.gradient(gradient_);
   form();
   add_form();
-  for (std::size_t i = 0; i < residual_.size(); ++i) residual_[i] -= direction_[i];
+  team_.for_ranges(residual_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) residual_[i] -= direction_[i];
+  });
   levels_.apply(residual_, product_);
   return largest(product_);
 }
 
 // ===== The step =====
 
+void LossObjective::take_places(std::span<double> places) const {
+  const std::size_t d = problem_.dimension;
+  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) std::copy_n(&problem_.positions[problem_.free[f] * d], d, &places[f * d]);
+  });
+}
+
 double LossObjective::finish_step() {
-  start_ = free_positions(problem_, problem_.positions);
+  take_places(start_);
   return reduction_.sum(step_.size(), kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * step_[i]; });
 }
 
@@ -169,7 +206,10 @@ double LossObjective::move(double alpha) {
 }
 
 void LossObjective::go_back() {
-  set_free_positions(problem_, start_, problem_.positions);
+  const std::size_t d = problem_.dimension;
+  team_.without_stop().for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) std::copy_n(&start_[f * d], d, &problem_.positions[problem_.free[f] * d]);
+  });
   has_form_ = false;
 }
 

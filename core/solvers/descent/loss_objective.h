@@ -4,7 +4,9 @@
 #include <span>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/reduction.h"
+#include "core/base/shared_work.h"
 #include "core/base/team.h"
 #include "core/energy/material.h"
 #include "core/problem/problem.h"
@@ -40,7 +42,7 @@ class LossObjective final : public Minimised {
   double multiply() override;
   void advance(double alpha) override;
   void turn(double beta) override;
-  void take_direction() override { step_ = direction_; }
+  void take_direction() override { shared_copy<double>(direction_, step_, team_); }
   double gradient_norm() override;
   double preconditioned_norm(double rq) const override;
   double largest_step() override { return largest(step_); }
@@ -53,10 +55,18 @@ class LossObjective final : public Minimised {
 
   /// The largest displacement of a node, of d numbers per free node, in units of the size of the cells around it.
   double largest(std::span<const double> displacements) const;
+  /// The same of the displacements from these places of the free nodes, d numbers each, to problem.positions.
+  double largest_from(std::span<const double> places) const;
+  /// Where the free nodes are, d numbers each.
+  void take_places(std::span<double> places) const;
 
  private:
+  /// The largest length of displacement(f, k), by free node and direction, in these units.
+  template <class Displacement>
+  double largest_of(const Displacement& displacement) const;
   /// Adds the gradients of the form and of what holds vertices to gradient_. Sets residual_ = −gradient_.
   void add_form();
+  void clear_step();
   /// What holds vertices.
   double held() const;
 
@@ -70,10 +80,10 @@ class LossObjective final : public Minimised {
   bool has_form_ = false;  ///< form_value_ and form_gradient_ are those of problem.positions.
   bool is_convex_ = false;
   double form_value_ = 0, noise_ = 0;
-  std::vector<double> hold_;  ///< By free node: of |x − X|², 0 if it is no vertex.
+  UntouchedVector<double> hold_;  ///< By free node: of |x − X|², 0 if it is no vertex.
   std::span<const double> places_;
-  std::vector<double> gradient_, form_gradient_, start_, step_, residual_, direction_, product_;
-  std::vector<float> rough_direction_, rough_product_;  ///< Of products with the energy's Hessian, padded.
+  UntouchedVector<double> gradient_, form_gradient_, start_, step_, residual_, direction_, product_;
+  UntouchedVector<float> rough_direction_, rough_product_;  ///< Of products with the energy's Hessian, padded.
 };
 
 }  // namespace varimesh
