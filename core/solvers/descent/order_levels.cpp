@@ -9,12 +9,9 @@ constexpr std::size_t kNumbersPerTask = 4096;
 
 }  // namespace
 
-OrderLevels::OrderLevels(const Problem& problem, const HighOrderMesh& mesh, const OrderSpace& own, const Team& team)
+OrderLevels::OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team)
     : problem_(problem), team_(team), reduction_(team) {
-  for (int order = 1; order < own.order; ++order) {
-    team.look();
-    lower_.push_back(lower_space(problem, mesh, order));
-  }
+  for (int order = 1; order < own.order; ++order) lower_.push_back(lower_space(problem, order, team));
   std::int64_t most = 0;
   for (const OrderSpace& space : lower_) {
     spaces_.push_back(&space);
@@ -29,7 +26,9 @@ OrderLevels::OrderLevels(const Problem& problem, const HighOrderMesh& mesh, cons
 void OrderLevels::take_diagonals(ModalForm& form, std::span<const double> stiffness) {
   inverse_diagonals_ = form.diagonals(spaces_, stiffness);
   for (std::vector<double>& diagonal : inverse_diagonals_)
-    for (double& entry : diagonal) entry = entry > 0 ? 1 / entry : 0;
+    team_.for_ranges(diagonal.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t node = begin; node < end; ++node) diagonal[node] = diagonal[node] > 0 ? 1 / diagonal[node] : 0;
+    });
 }
 
 double OrderLevels::apply(std::span<const double> r, std::span<double> z) {
@@ -41,12 +40,12 @@ double OrderLevels::apply(std::span<const double> r, std::span<double> z) {
     const std::span<const double> residual = last ? r : residuals_[level];
     const std::span<double> solution = last ? z : solutions_[level];
     const std::size_t d = problem_.dimension;
-    if (level == 0) std::fill(solution.begin(), solution.end(), 0.0);
     if (level > 0) raise_from(level - 1, solution);
     const std::vector<double>& inverse = inverse_diagonals_[level];
     team_.for_ranges(inverse.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t node = begin; node < end; ++node)
-        for (std::size_t k = 0; k < d; ++k) solution[node * d + k] += inverse[node] * residual[node * d + k];
+        for (std::size_t k = 0; k < d; ++k)
+          solution[node * d + k] = (level > 0 ? solution[node * d + k] : 0.0) + inverse[node] * residual[node * d + k];
     });
   }
   return reduction_.sum(r.size(), kNumbersPerTask, [&](std::size_t i) { return r[i] * z[i]; });

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/solvers/descent/modal_form.h"
@@ -20,7 +21,7 @@ namespace varimesh {
 class OrderLevels {
  public:
   /// `own` is the space of the problem's order. Call it inside team.run(). All references must outlive the object.
-  OrderLevels(const Problem& problem, const HighOrderMesh& mesh, const OrderSpace& own, const Team& team);
+  OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team);
 
   /// Takes new diagonals; the arguments are those of ModalForm::diagonals().
   void take_diagonals(ModalForm& form, std::span<const double> stiffness);
@@ -38,8 +39,8 @@ class OrderLevels {
   std::vector<OrderSpace> lower_;          ///< [q − 1], q < P.
   std::vector<const OrderSpace*> spaces_;  ///< [q − 1], q ≤ P.
   std::vector<std::vector<double>> inverse_diagonals_;
-  std::vector<std::vector<double>> residuals_, solutions_;  ///< Of lower_.
-  std::vector<double> contributions_;
+  std::vector<UntouchedVector<double>> residuals_, solutions_;  ///< Of lower_.
+  UntouchedVector<double> contributions_;
 };
 
 }  // namespace varimesh

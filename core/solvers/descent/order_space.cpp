@@ -1,102 +1,148 @@
 #include "core/solvers/descent/order_space.h"
 
 #include <algorithm>
-#include <cassert>
+#include <atomic>
 
-#include "core/mesh/changes/change_order.h"
-#include "core/mesh/connectivity.h"
-#include "core/reference/nodes.h"
+#include "core/base/index.h"
+#include "core/base/shared_work.h"
+#include "core/mesh/changes/shared_nodes.h"
 
 namespace varimesh {
 namespace {
 
 constexpr std::size_t kNodesPerTask = 512;
+constexpr std::int32_t kCellsPerTask = 64;
+constexpr std::size_t kPlacesPerTask = 4096;
 
-/// Fills everything that follows from the numbers.
-void list_places(OrderSpace& space) {
-  space.begin.assign(static_cast<std::size_t>(space.count) + 1, 0);
+/// Calls body(set, place) for all places of the space; `place` is counted from the set's first one.
+template <class Body>
+void for_places(OrderSpace& space, const Team& team, const Body& body) {
+  for (OrderSpace::Set& set : space.sets)
+    team.for_ranges(set.numbers.size(), kPlacesPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t place = begin; place < end; ++place) body(set, place);
+    });
+}
+
+/// Fills everything that follows from the numbers. The threads list places in any order, so these are sorted then.
+void list_places(OrderSpace& space, const Team& team) {
   for (OrderSpace::Set& set : space.sets) {
     set.first = space.place_count;
     space.place_count += static_cast<std::int64_t>(set.numbers.size());
-    set.owned.assign(set.numbers.size(), -1);
-    for (const std::int32_t number : set.numbers)
-      if (number >= 0) ++space.begin[static_cast<std::size_t>(number) + 1];
+    set.owned.resize(set.numbers.size());
   }
-  for (std::size_t n = 0; n < static_cast<std::size_t>(space.count); ++n) space.begin[n + 1] += space.begin[n];
-  space.places.resize(static_cast<std::size_t>(space.begin.back()));
+  space.begin.assign(at(space.count) + 1, 0);
+  for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
+    if (set.numbers[place] >= 0) count_up(space.begin[at(set.numbers[place])], team);
+    set.owned[place] = -1;
+  });
+  space.places.resize(at(sums_before(space.begin)));
   std::vector<std::int64_t> next(space.begin.begin(), space.begin.end() - 1);
-  for (OrderSpace::Set& set : space.sets)
-    for (std::size_t i = 0; i < set.numbers.size(); ++i) {
-      const std::int32_t number = set.numbers[i];
-      if (number < 0) continue;
-      const auto n = static_cast<std::size_t>(number);
-      if (next[n] == space.begin[n]) set.owned[i] = number;
-      space.places[static_cast<std::size_t>(next[n]++)] = set.first + static_cast<std::int64_t>(i);
-    }
+  for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
+    if (set.numbers[place] >= 0)
+      space.places[at(count_up(next[at(set.numbers[place])], team))] = set.first + static_cast<std::int64_t>(place);
+  });
+  team.for_ranges(at(space.count), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t node = begin; node < end; ++node)
+      std::sort(&space.places[at(space.begin[node])], space.places.data() + space.begin[node + 1]);
+  });
+  for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
+    const std::int32_t number = set.numbers[place];
+    if (number >= 0 && space.places[at(space.begin[at(number)])] == set.first + static_cast<std::int64_t>(place))
+      set.owned[place] = number;
+  });
 }
 
-/// By place of a cell of this shape, as reference::NodePlace: whether the nodes there are free.
-class FreePlaces {
- public:
-  FreePlaces(const CellSet& set, const std::vector<char>& free) : set_(set), free_(free) {}
+/// By node: its rank among the free ones, −1 if it is fixed.
+std::vector<std::int32_t> ranks(const Problem& problem, const Team& team) {
+  std::vector<std::int32_t> rank(problem.positions.size() / at(problem.dimension), -1);
+  team.for_ranges(problem.free.size(), kPlacesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r) rank[at(problem.free[r])] = static_cast<std::int32_t>(r);
+  });
+  return rank;
+}
 
-  bool contains(std::int32_t cell, const reference::NodePlace& place) const {
-    const auto& places = reference::node_places(set_.shape, set_.order);
-    const std::int32_t* nodes = set_.nodes.data() + static_cast<std::size_t>(cell) * set_.nodes_per_cell;
-    for (int i = 0; i < set_.nodes_per_cell; ++i)
-      if (places[i].dimension == place.dimension && places[i].index == place.index) return free_[nodes[i]] != 0;
-    assert(false && "a place of a lower order has nodes in the mesh's order too");
-    return false;
+/// Names each node of a lower order by a node of the problem that lies in the same vertex, edge, face or cell. All
+/// cells with the node give it the same name, and no two nodes have the same one.
+class StandIns {
+ public:
+  StandIns(Shape shape, int order, int lower, int dimension)
+      : info_(reference::info(shape)),
+        order_(order),
+        lower_(lower),
+        own_(detail::cell_nodes(shape, order, dimension)),
+        low_(detail::cell_nodes(shape, lower, dimension)) {}
+
+  /// @param nodes  those of a cell of the problem
+  /// @param named  receives one for each node of the lower order
+  void name(const std::int32_t* nodes, std::int32_t* named) const {
+    std::copy_n(nodes, info_.vertices, named);
+    for (std::size_t e = 0; e < low_.edges.size(); ++e) {
+      const bool ascends = nodes[info_.edges[e][0]] < nodes[info_.edges[e][1]];
+      for (const detail::PlacedNode& low : low_.edges[e])
+        for (const detail::PlacedNode& own : own_.edges[e])
+          if (own.i == (ascends ? low.i : order_ - lower_ + low.i)) named[low.local] = nodes[own.local];
+    }
+    for (std::size_t f = 0; f < low_.faces.size(); ++f) {
+      if (low_.faces[f].empty()) continue;
+      const detail::Vertices v = detail::face_vertices(info_.faces[f], nodes);
+      for (const detail::PlacedNode& own : own_.faces[f]) {
+        const std::int32_t rank = detail::face_place(v, own.i, own.j, order_).rank;
+        for (const detail::PlacedNode& low : low_.faces[f])
+          if (detail::face_place(v, low.i, low.j, lower_).rank == rank) named[low.local] = nodes[own.local];
+      }
+    }
+    for (std::size_t i = 0; i < low_.interior.size(); ++i) named[low_.interior[i]] = nodes[own_.interior[i]];
   }
 
  private:
-  const CellSet& set_;
-  const std::vector<char>& free_;
+  const reference::ShapeInfo& info_;
+  int order_, lower_;
+  detail::CellNodes own_, low_;
 };
 
 }  // namespace
 
-OrderSpace own_space(const Problem& problem) {
+OrderSpace own_space(const Problem& problem, const Team& team) {
   OrderSpace space;
   space.count = static_cast<std::int32_t>(problem.free.size());
-  std::vector<std::int32_t> number(problem.positions.size() / problem.dimension, -1);
-  for (std::int32_t rank = 0; rank < space.count; ++rank) number[problem.free[rank]] = rank;
+  const std::vector<std::int32_t> rank = ranks(problem, team);
   for (const CellSet& set : problem.sets) {
     space.order = set.order;
     OrderSpace::Set& added = space.sets.emplace_back();
     added.nodes_per_cell = set.nodes_per_cell;
-    added.numbers.reserve(set.nodes.size());
-    for (const std::int32_t node : set.nodes) added.numbers.push_back(number[node]);
+    added.numbers.resize(set.nodes.size());
+    team.for_ranges(set.nodes.size(), kPlacesPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t place = begin; place < end; ++place) added.numbers[place] = rank[at(set.nodes[place])];
+    });
   }
-  list_places(space);
+  list_places(space, team);
   return space;
 }
 
-OrderSpace lower_space(const Problem& problem, const HighOrderMesh& mesh, int order) {
-  const Expected<HighOrderMesh> lowered = change_order(mesh, order);
-  assert(lowered && "a mesh that was checked has every order");
-  const Cells cells(*lowered, lowered->dimension);
-  std::vector<char> free(problem.positions.size() / problem.dimension, 0);
-  for (const std::int32_t node : problem.free) free[node] = 1;
+OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
   OrderSpace space;
   space.order = order;
-  std::vector<std::int32_t> number(lowered->node_count(), -1);
+  const std::vector<std::int32_t> rank = ranks(problem, team);
+  std::vector<std::int32_t> numbers(problem.free.size(), 0);  // by the rank of the stand-in: 1 if there is a node
   for (const CellSet& set : problem.sets) {
     OrderSpace::Set& added = space.sets.emplace_back();
     added.nodes_per_cell = reference::node_count(set.shape, order);
-    added.numbers.reserve(static_cast<std::size_t>(set.count) * added.nodes_per_cell);
-    const auto& places = reference::node_places(set.shape, order);
-    const FreePlaces free_places(set, free);
-    for (std::int32_t cell = 0; cell < set.count; ++cell) {
-      const std::span<const std::int32_t> nodes = cells.nodes(set.mesh_cell[cell]);
-      for (int i = 0; i < added.nodes_per_cell; ++i) {
-        std::int32_t& of_node = number[nodes[i]];
-        if (of_node < 0 && free_places.contains(cell, places[i])) of_node = space.count++;
-        added.numbers.push_back(of_node);
+    added.numbers.resize(at(set.count) * at(added.nodes_per_cell));
+    const StandIns stand_ins(set.shape, set.order, order, problem.dimension);
+    team.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+      const std::span named(&added.numbers[at(cell) * at(added.nodes_per_cell)], at(added.nodes_per_cell));
+      stand_ins.name(&set.nodes[at(cell) * at(set.nodes_per_cell)], named.data());
+      for (std::int32_t& node : named) {
+        node = rank[at(node)];
+        if (node >= 0) std::atomic_ref(numbers[at(node)]).store(1, std::memory_order_relaxed);
       }
-    }
+    });
   }
-  list_places(space);
+  space.count = sums_before(numbers);
+  for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
+    if (set.numbers[place] >= 0) set.numbers[place] = numbers[at(set.numbers[place])];
+  });
+  list_places(space, team);
   return space;
 }
 

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/mesh/high_order_mesh.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
@@ -31,11 +30,11 @@ struct OrderSpace {
   std::int64_t place_count = 0;
 };
 
-/// The space of the problem's own order; its free nodes are numbered as Problem::free.
-OrderSpace own_space(const Problem& problem);
+/// The space of the problem's own order; its free nodes are numbered as Problem::free. Call it inside team.run().
+OrderSpace own_space(const Problem& problem, const Team& team);
 
-/// The space of a lower order. `mesh` is the one that the problem was built from.
-OrderSpace lower_space(const Problem& problem, const HighOrderMesh& mesh, int order);
+/// The space of a lower order. It does not depend on the number of threads. Call it inside team.run().
+OrderSpace lower_space(const Problem& problem, int order, const Team& team);
 
 /// Cells that matrices are applied to at the same time. The sums do not depend on it.
 inline constexpr std::int32_t kCellsTogether = 16;

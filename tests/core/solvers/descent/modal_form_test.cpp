@@ -20,7 +20,7 @@ class ModalFormOf : public ::testing::TestWithParam<Filling> {
     mesh_ = testing::grid(GetParam(), {2, 2, 2}, order, testing::bent(testing::is_plane(GetParam()) ? 2 : 3));
     testing::shake(mesh_, 0.03, 5);
     problem_ = testing::make_problem(mesh_);
-    space_ = own_space(problem_);
+    space_ = own_space(problem_, team);
     team.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team); });
   }
   double value() {
@@ -98,7 +98,7 @@ TEST_P(ModalFormOf, HasTheDiagonalOfItsSecondDerivative) {
   const OrderSpace* spaces[] = {&space_};
   // diagonals() takes the spaces of all orders from 1 up.
   std::vector<OrderSpace> lower;
-  for (int order = 1; order < 3; ++order) lower.push_back(lower_space(problem_, mesh_, order));
+  for (int order = 1; order < 3; ++order) lower.push_back(lower_space(problem_, order, team_));
   const std::vector<const OrderSpace*> all{&lower[0], &lower[1], spaces[0]};
   const std::vector<double> none(static_cast<std::size_t>(problem_.cells), 0.0);
   const auto diagonals = form_->diagonals(all, none);

@@ -18,9 +18,9 @@ struct Bench {
   Bench(Filling filling, std::array<int, 3> counts, int order)
       : mesh(testing::grid(filling, counts, order, testing::bent(testing::is_plane(filling) ? 2 : 3))),
         problem(testing::make_problem(mesh)),
-        space(own_space(problem)),
+        space(own_space(problem, team)),
         form(problem, space, local_wave(mesh), team),
-        levels(problem, mesh, space, team) {
+        levels(problem, space, team) {
     // The form does not depend on vertices. With a smaller stiffness, their diagonal would magnify rounding.
     levels.take_diagonals(form, std::vector<double>(static_cast<std::size_t>(problem.cells), 1e-4));
   }
