@@ -141,6 +141,32 @@ class Nginx(WithFolder):
             for one in watches:
                 one.cancel()
 
+    def test_only_meshes_and_jobs_may_be_large(self):
+        server = Server("--log-level", "off", listen=f"unix:{self.folder}/socket")
+        self.addCleanup(server.stop)
+        self.serve(self.configuration())
+        authority = grpc.ssl_channel_credentials((self.folder / "authority.pem").read_bytes())
+        with grpc.secure_channel(f"localhost:{self.port}", authority) as channel:
+            grpc.channel_ready_future(channel).result(timeout=20)
+
+            def said(method, *sizes):
+                """Calls a method with messages of these many bytes, which it cannot read. Returns what it is told."""
+                call = channel.stream_stream(f"/varimesh.v1.{method}", request_serializer=bytes, response_deserializer=bytes)
+                with self.assertRaises(grpc.RpcError) as failed:
+                    # Field 15, which no message has, then bytes that are no field.
+                    list(call(iter([b"\x07" * size for size in sizes]), timeout=20))
+                return failed.exception.code(), failed.exception.details()
+
+            too_large = (grpc.StatusCode.UNKNOWN, "Received http2 header with status: 413")
+            small, large = 1 << 16, 4 << 20
+            for method in ("JobService/GetJob", "JobService/ListJobs", "MeshService/QueryUpload", "JobService/GetServerInfo"):
+                self.assertEqual(said(method, small)[0], grpc.StatusCode.INVALID_ARGUMENT, method)
+                self.assertEqual(said(method, small + 1), too_large, method)
+            self.assertEqual(said("JobService/SubmitJob", large)[0], grpc.StatusCode.INVALID_ARGUMENT)
+            self.assertEqual(said("JobService/SubmitJob", large + 1), too_large)
+            for method in ("MeshService/UploadMesh", "MeshService/SendMesh", "OptimiseService/Optimise"):
+                self.assertNotEqual(said(method, large, large), too_large, method)
+
     def flood(self, frames, until):
         """Sends the frames, on new connections as often as nginx ends one. The processor that it takes is the attacker's,
         so it leaves this machine's to the others."""
