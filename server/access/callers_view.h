@@ -44,10 +44,10 @@ class CallersView {
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) const;
   /// FAILED_PRECONDITION if jobs of the caller refer to the mesh. If other owners have it too, they keep it.
   Answer<void> remove_mesh(const std::string& digest) const;
-  /// Notes that the caller has sent all bytes of a mesh, which is referred to.
-  void grant(const std::string& digest) const { meshes_->grant(digest, caller_.owner); }
-  /// Takes that back if no job of the caller has the mesh.
-  void settle(const std::string& digest) const { scheduler_->settle(caller_.owner, digest); }
+  /// The caller has sent all bytes of a mesh, which is referred to, and submits a job with it before let_go(). After
+  /// that the mesh is the caller's as long as a job has it.
+  void hold(const std::string& digest) const { scheduler_->hold(caller_.owner, digest); }
+  void let_go(const std::string& digest) const { scheduler_->let_go(caller_.owner, digest); }
 
  private:
   /// The fields of a line of the log about what this caller does with a job.

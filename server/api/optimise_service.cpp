@@ -162,13 +162,11 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (!stored) return status(stored.error());
     v1::JobSpec spec = spec_->spec();
     spec.mutable_mesh()->set_digest(stored->digest);
-    if (kept_ != nullptr)
-      kept_->grant(stored->digest);
-    else
-      view_->grant(stored->digest);
+    if (kept_ != nullptr) kept_->grant(stored->digest);
+    view_->hold(stored->digest);
     const auto job = view_->submit(spec_->request_id(), spec, false);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
-    if (!job) view_->settle(stored->digest);
+    view_->let_go(stored->digest);
     if (!job) return status(job.error());
     auto log = view_->events(job->name());
     if (!log) return status(log.error());

@@ -17,7 +17,7 @@ class OwnedMeshes {
  public:
   explicit OwnedMeshes(MeshStore& meshes) : meshes_(meshes) {}
 
-  /// A job of the owner has these meshes, which therefore belong to the owner.
+  /// A job of the owner has these meshes, or is about to, and they therefore belong to the owner.
   void add(const std::string& owner, const std::vector<std::string>& digests) {
     std::unique_lock lock(mutex_, std::defer_lock);
     if (counts()) lock.lock();  // a place that servers share may let this wait
@@ -37,11 +37,6 @@ class OwnedMeshes {
       counts_.erase(found);
       meshes_.revoke(digest, owner);
     }
-  }
-  /// The owner was granted the mesh for a job that was then refused.
-  void settle(const std::string& owner, const std::string& digest) {
-    const std::scoped_lock lock(mutex_);
-    if (!counts_.contains({owner, digest})) meshes_.revoke(digest, owner);
   }
   bool has(const std::string& owner, const std::string& digest) {
     const std::scoped_lock lock(mutex_);

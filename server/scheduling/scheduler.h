@@ -90,8 +90,9 @@ class Scheduler {
   /// Returns all iterations of a job that has SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 
-  /// The owner was granted a mesh, and no job came of it.
-  void settle(const std::string& owner, const std::string& digest) { owned_.settle(owner, digest); }
+  /// The mesh belongs to the owner, as if one of the owner's jobs had it, until let_go().
+  void hold(const std::string& owner, const std::string& digest) { owned_.add(owner, {digest}); }
+  void let_go(const std::string& owner, const std::string& digest) { owned_.remove(owner, {digest}); }
   /// Whether a job of the owner has the mesh as an input or a result.
   Answer<bool> has_job_with(const std::string& owner, const std::string& digest);
 
