@@ -172,6 +172,8 @@ bool confine_this_process(const Confinement& keeps) {
     limit(RLIMIT_AS, most, keeps.memory_can_be_raised ? now.rlim_max - most : 0);
   }
   limit(RLIMIT_FSIZE, static_cast<rlim_t>(keeps.file_bytes));
+  // The filter refuses both anyway. A limit above 0 would count what other processes of this user have, too.
+  if (!keeps.threads) limit(RLIMIT_NPROC, 0);
   // The next descriptor would be the lowest free number, which must be below the limit.
   if (const int next = ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0); next >= 0) {
     ::close(next);

@@ -125,7 +125,10 @@ void attack() {
   const char* const threads = std::getenv("CAPTURED_THREADS");
   if (threads == nullptr) return tell("end", false);
   // What it has reached is read from outside.
-  tell("threads", threads_started(std::atoi(threads)) == std::atoi(threads));
+  const int started = threads_started(std::atoi(threads));
+  tell("threads", started == std::atoi(threads));
+  rlimit limits{};
+  if (started == 0) tell("limit-of-processes", ::getrlimit(RLIMIT_NPROC, &limits) != 0 || limits.rlim_max != 0);
   tell("end", false);
   if (std::getenv("CAPTURED_STAYS") != nullptr)
     for (;;) ::pause();

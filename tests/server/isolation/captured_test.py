@@ -91,6 +91,7 @@ class Programs(Captured):
                    "0", "--time-limit", "1")
         self.assertNotEqual(done.returncode, 0, "the program has not gone on")
         self.assertIn("threads", self.judge("varimesh_hdf5"), "not one can be started to read")
+        self.assertIn("limit-of-processes", self.judge("varimesh_hdf5"))
 
     def test_the_reader_of_cad_files(self):
         if not PLUGIN.is_file():
