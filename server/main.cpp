@@ -93,6 +93,8 @@ bool announce(const Server& server, const std::string& port_file) {
     spdlog::info("varimeshd {} listens on {}", varimesh::version(), address);
   if (const std::string& admin = server.admin_address(); !admin.empty())
     spdlog::info("the live page is at http://{}/", admin);
+  if (const std::string& http = server.http_address(); !http.empty())
+    spdlog::info("calls over HTTP are answered at http://{}/v1/", http);
   if (const std::string& metrics = server.metrics_address(); !metrics.empty())
     spdlog::info("the metrics are at http://{}/metrics", metrics);
   return true;

@@ -14,6 +14,7 @@
 #include "server/admin/probe_server.h"
 #include "server/api/endpoint.h"
 #include "server/engine/work_limits.h"
+#include "server/http/gateway.h"
 #include "server/log/log_fields.h"
 #include "server/metrics/metrics.h"
 #include "server/scheduling/scheduler.h"
@@ -132,6 +133,20 @@ Expected<void> Server::start_admin_port() {
   return {};
 }
 
+Expected<void> Server::start_http_port() {
+  if (options_.http.empty()) return {};
+  auto gateway =
+      Gateway::start(options_.http, endpoint_->in_process_channel(),
+                     [this](Method method, std::string_view authorization, const std::string& address) -> Answer<void> {
+                       const auto caller = access_->admit(method, authorization, address);
+                       if (!caller) return tl::unexpected(caller.error());
+                       return {};
+                     });
+  if (!gateway) return tl::unexpected(gateway.error());
+  gateway_ = std::move(*gateway);
+  return {};
+}
+
 bool Server::ready() const { return endpoint_->health().serving() && self_check_ != nullptr && self_check_->answers(); }
 
 Expected<void> Server::start_metrics_port() {
@@ -195,6 +210,7 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   server->self_check_ = std::make_unique<SelfCheck>(server->address(), server->options_.tls.are_given());
   server->self_check_->dial();
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
+  if (const auto started = server->start_http_port(); !started) return tl::unexpected(started.error());
   if (const auto started = server->start_metrics_port(); !started) return tl::unexpected(started.error());
   server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
                                              *server->endpoint_, *server->self_check_, server->tls_.get(),
@@ -216,6 +232,11 @@ int Server::port() const { return endpoint_->port(); }
 const std::string& Server::admin_address() const {
   static const std::string none;
   return admin_ == nullptr ? none : admin_->address();
+}
+
+const std::string& Server::http_address() const {
+  static const std::string none;
+  return gateway_ == nullptr ? none : gateway_->address();
 }
 
 const std::string& Server::metrics_address() const {

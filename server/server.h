@@ -24,6 +24,7 @@ namespace varimesh::server {
 class Access;
 class AdminServer;
 class Endpoint;
+class Gateway;
 class LastGoodFiles;
 class Metrics;
 class PageTokens;
@@ -40,6 +41,7 @@ enum class Role { All, Frontend, Worker };
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: any free port) or unix:PATH. Empty: in-process channels only.
   std::string admin;      ///< HOST:PORT on loopback for health checks and the live page. Empty: none.
+  std::string http;       ///< HOST:PORT on loopback for calls over HTTP, with JSON. Empty: none.
   std::string metrics;    ///< HOST:PORT for health checks and metrics, which others may reach. Empty: none.
   TlsFiles tls;           ///< Certificates. Without them nothing is encrypted.
   bool insecure = false;  ///< Allows addresses beyond loopback although everybody may call or read.
@@ -79,6 +81,8 @@ class Server {
   int port() const;
   /// The address of the admin port; empty if there is none.
   const std::string& admin_address() const;
+  /// The address of the port for calls over HTTP; empty if there is none.
+  const std::string& http_address() const;
   /// The address of the port for metrics; empty if there is none.
   const std::string& metrics_address() const;
   /// Whether the server has reached itself lately.
@@ -99,6 +103,7 @@ class Server {
   Expected<void> open_stores();
   Expected<void> start_scheduler();
   Expected<void> start_admin_port();
+  Expected<void> start_http_port();
   Expected<void> start_metrics_port();
   bool ready() const;
 
@@ -114,6 +119,7 @@ class Server {
   std::unique_ptr<Endpoint> endpoint_;
   std::unique_ptr<SelfCheck> self_check_;
   std::unique_ptr<AdminServer> admin_;
+  std::unique_ptr<Gateway> gateway_;
   std::unique_ptr<ProbeServer> probes_;
   std::unique_ptr<Upkeep> upkeep_;
   bool running_ = false;

@@ -8,7 +8,6 @@
 #include <cstring>
 #include <string_view>
 
-#include "server/addresses.h"
 #include "server/admin/page_files.h"
 
 namespace varimesh::server {
@@ -58,20 +57,6 @@ bool is_from_own_page(const mg_connection* connection) {
 }
 
 }  // namespace
-
-bool is_own_host(const char* host) {
-  if (host == nullptr) return false;
-  std::string_view name = host;
-  const auto bracket = name.find(']');
-  const auto colon = name.find(':', bracket == std::string_view::npos ? 0 : bracket);
-  if (colon != std::string_view::npos) {
-    for (const char c : name.substr(colon + 1))
-      if (c < '0' || c > '9') return false;
-    name = name.substr(0, colon);
-  }
-  return name == "localhost" || name == "[::1]" ||
-         (name.rfind("127.", 0) == 0 && is_loopback(std::string(name) + ":0"));
-}
 
 Expected<std::unique_ptr<AdminServer>> AdminServer::start(const std::string& address,
                                                           std::unique_ptr<LiveStatus> live_status,

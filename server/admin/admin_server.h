@@ -8,8 +8,8 @@
 #include <string_view>
 
 #include "core/base/error.h"
-#include "server/admin/http.h"
 #include "server/admin/live_status.h"
+#include "server/http/listen.h"
 
 namespace varimesh::server {
 
@@ -59,8 +59,5 @@ class AdminServer {
   const Admit admit_;
   HttpServer http_;  ///< The last member, so that its threads end first.
 };
-
-/// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
-bool is_own_host(const char* host);
 
 }  // namespace varimesh::server

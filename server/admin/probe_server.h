@@ -7,7 +7,7 @@
 #include <mutex>
 #include <string>
 
-#include "server/admin/http.h"
+#include "server/http/listen.h"
 
 namespace varimesh::server {
 

@@ -37,6 +37,10 @@ struct ApiContext {
   TimePoint start_time;
 };
 
+/// The key of the metadata in which the HTTP port, whose calls come from inside this process, says from where its
+/// caller calls. Nobody else can guess it.
+const std::string& key_of_address();
+
 /// Lets the caller of a method in, with the token in the call's metadata or the certificate of the connection. Every
 /// handler begins with it, and sees jobs and meshes only through what it returns. Errors: those of Access::admit().
 template <class Context>
@@ -46,7 +50,10 @@ Answer<CallersView> admit(const ApiContext& api, const Context& call, Method met
   const std::string_view authorization =
       header == metadata.end() ? std::string_view() : std::string_view(header->second.data(), header->second.size());
   const std::string name = api.access.names_certificates() ? name_in_certificate(call) : "";
-  auto caller = api.access.admit(method, authorization, peer_address(call.peer()), name);
+  const auto told = metadata.find(key_of_address());
+  const std::string address =
+      told == metadata.end() ? peer_address(call.peer()) : std::string(told->second.data(), told->second.size());
+  auto caller = api.access.admit(method, authorization, address, name);
   if (!caller) return tl::unexpected(caller.error());
   if (const auto parent = metadata.find("traceparent"); parent != metadata.end())
     caller->trace = trace_context({parent->second.data(), parent->second.size()});

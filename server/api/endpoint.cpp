@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <random>
 
 #include "server/access/reflection_guard.h"
 #include "server/addresses.h"
@@ -42,6 +43,16 @@ void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
 }
 
 }  // namespace
+
+const std::string& key_of_address() {
+  static const std::string key = [] {
+    std::random_device device;
+    std::string made = "varimesh-address";
+    for (int i = 0; i < 4; ++i) made += "-" + std::to_string(device());
+    return made;
+  }();
+  return key;
+}
 
 void keep_connections_small() {
   // gRPC 1.51 can allocate what it reads into in pieces of 64 KiB. It then looks at no limit, and an open connection

@@ -36,6 +36,10 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_option("--admin", options.admin,
                  "HOST:PORT on loopback for plain HTTP: health checks, and a page that shows the jobs; port 0 is any "
                  "free port");
+  app.add_option(
+      "--http", options.http,
+      "HOST:PORT on loopback for HTTP and JSON: the calls of gRPC for programs without it; port 0 is any free "
+      "port");
   app.add_option("--metrics", options.metrics,
                  "HOST:PORT for plain HTTP that others may reach: metrics for Prometheus, and health checks; port 0 is "
                  "any free port");

@@ -1,4 +1,4 @@
-// What the HTTP servers share: how they listen and answer.
+// What all HTTP ports share: how they listen and answer.
 #pragma once
 
 #include <string>
@@ -16,6 +16,9 @@ inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJson
 /// Answers a request. `more`: further header lines, each with its end of line.
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
                const char* more = "");
+
+/// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
+bool is_own_host(const char* host);
 
 /// An HTTP server with threads of its own, without files of the disk. It ends with this object. A connection that does
 /// not send a whole request keeps one of the threads until a request is given up.

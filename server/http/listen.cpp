@@ -1,11 +1,13 @@
 // Listens and answers with civetweb.
-#include "server/admin/http.h"
+#include "server/http/listen.h"
 
 #include <civetweb.h>
 
 #include <array>
 #include <charconv>
 #include <cstring>
+
+#include "server/addresses.h"
 
 namespace varimesh::server {
 namespace {
@@ -31,6 +33,20 @@ void send_http(mg_connection* connection, int status, std::string_view type, std
             status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
             body.size(), kPolicy, more);
   if (!head) mg_write(connection, body.data(), body.size());
+}
+
+bool is_own_host(const char* host) {
+  if (host == nullptr) return false;
+  std::string_view name = host;
+  const auto bracket = name.find(']');
+  const auto colon = name.find(':', bracket == std::string_view::npos ? 0 : bracket);
+  if (colon != std::string_view::npos) {
+    for (const char c : name.substr(colon + 1))
+      if (c < '0' || c > '9') return false;
+    name = name.substr(0, colon);
+  }
+  return name == "localhost" || name == "[::1]" ||
+         (name.rfind("127.", 0) == 0 && is_loopback(std::string(name) + ":0"));
 }
 
 Expected<void> HttpServer::listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*),

@@ -1,0 +1,150 @@
+#include "server/http/exchange.h"
+
+#include <civetweb.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
+#include "server/http/listen.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+namespace {
+
+using google::protobuf::util::JsonStringToMessage;
+using google::protobuf::util::MessageToJsonString;
+
+/// How long a body may take to come.
+constexpr std::chrono::seconds kPatience{30};
+
+/// The codes of HTTP, as google/rpc/code.proto maps them.
+int http_code(grpc::StatusCode code) {
+  switch (code) {
+    case grpc::StatusCode::OK:
+      return 200;
+    case grpc::StatusCode::INVALID_ARGUMENT:
+    case grpc::StatusCode::FAILED_PRECONDITION:
+    case grpc::StatusCode::OUT_OF_RANGE:
+      return 400;
+    case grpc::StatusCode::UNAUTHENTICATED:
+      return 401;
+    case grpc::StatusCode::PERMISSION_DENIED:
+      return 403;
+    case grpc::StatusCode::NOT_FOUND:
+      return 404;
+    case grpc::StatusCode::ALREADY_EXISTS:
+    case grpc::StatusCode::ABORTED:
+      return 409;
+    case grpc::StatusCode::RESOURCE_EXHAUSTED:
+      return 429;
+    case grpc::StatusCode::UNAVAILABLE:
+      return 503;
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+      return 504;
+    default:
+      return 500;
+  }
+}
+
+/// The header Retry-After, if the status says when to try again.
+std::string retry_header(const google::rpc::Status& status) {
+  google::rpc::RetryInfo retry;
+  for (const auto& detail : status.details())
+    if (detail.UnpackTo(&retry)) return "Retry-After: " + std::to_string(retry.retry_delay().seconds()) + "\r\n";
+  return {};
+}
+
+/// Reads the body. Nothing if it does not come in time, or not whole.
+Answer<std::string> read_body(mg_connection* connection, std::size_t size) {
+  // civetweb waits for all bytes that it is asked for as long as some of them come.
+  constexpr std::size_t kPiece = 256;
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  std::string body(size, '\0');
+  for (std::size_t have = 0; have < size;) {
+    const int got = mg_read(connection, body.data() + have, std::min(kPiece, size - have));
+    if (got <= 0 || std::chrono::steady_clock::now() > deadline)
+      return bad_request("The body of the request did not come within " + std::to_string(kPatience.count()) + " s.");
+    have += static_cast<std::size_t>(got);
+  }
+  return body;
+}
+
+}  // namespace
+
+HttpExchange::HttpExchange(mg_connection* connection)
+    : connection_(connection), request_(*mg_get_request_info(connection)) {}
+
+std::string_view HttpExchange::method() const { return request_.request_method; }
+
+std::string_view HttpExchange::path() const { return request_.local_uri == nullptr ? "" : request_.local_uri; }
+
+std::string HttpExchange::address() const { return request_.remote_addr; }
+
+std::string HttpExchange::header(const char* name) const {
+  const char* const value = mg_get_header(connection_, name);
+  const std::string text = value == nullptr ? "" : value;
+  // gRPC takes nothing else as metadata.
+  return std::ranges::all_of(text, [](char c) { return c >= ' ' && c <= '~'; }) ? text : "";
+}
+
+Answer<std::vector<std::pair<std::string, std::string>>> HttpExchange::query() const {
+  std::vector<std::pair<std::string, std::string>> fields;
+  if (request_.query_string == nullptr) return fields;
+  std::string text = request_.query_string;
+  constexpr std::size_t kMost = 64;
+  std::array<mg_header, kMost> found{};
+  const int count = mg_split_form_urlencoded(text.data(), found.data(), kMost);
+  if (count < 0 || std::ranges::count(std::string_view(request_.query_string), '&') >= static_cast<long>(kMost))
+    return bad_request("The address has more than " + std::to_string(kMost) + " fields after its question mark.");
+  for (int i = 0; i < count; ++i) {
+    const mg_header& one = found[static_cast<std::size_t>(i)];
+    fields.emplace_back(one.name, one.value == nullptr ? "" : one.value);
+  }
+  return fields;
+}
+
+Answer<void> HttpExchange::read(google::protobuf::Message* message, std::size_t most) {
+  // Pages of other sites cannot send this type without asking first.
+  const std::string type = header("Content-Type");
+  if (type.substr(0, type.find(';')) != kJsonType)
+    return bad_request("The body must be JSON; send it with the header Content-Type: application/json.");
+  if (request_.content_length < 0)
+    return bad_request("The request does not say how long its body is; send the header Content-Length.");
+  const auto size = static_cast<std::size_t>(request_.content_length);
+  if (size > most)
+    return bad_request("The body has " + std::to_string(size) + " bytes, but may have " + std::to_string(most) + ".");
+  const auto body = read_body(connection_, size);
+  if (!body) return tl::unexpected(body.error());
+  const auto parsed = JsonStringToMessage(*body, message);
+  if (!parsed.ok())
+    return bad_request("The body is no JSON of " + message->GetDescriptor()->full_name() + " (" +
+                       std::string(parsed.message()) + ").");
+  return {};
+}
+
+void HttpExchange::answer(const google::protobuf::Message& message) {
+  std::string text;
+  if (!MessageToJsonString(message, &text).ok())
+    return refuse({grpc::StatusCode::INTERNAL, "The answer cannot be written as JSON; please report it."});
+  send_http(connection_, 200, kJsonType, text + "\n");
+}
+
+void HttpExchange::refuse(const grpc::Status& status, int http, const std::string& more) {
+  google::rpc::Status full;
+  if (!full.ParseFromString(status.error_details()) || full.code() != status.error_code()) {
+    full.Clear();
+    full.set_code(status.error_code());
+    full.set_message(status.error_message());
+  }
+  std::string text;
+  if (!MessageToJsonString(full, &text).ok()) text = "{}";
+  const int code = http != 0 ? http : http_code(status.error_code());
+  const std::string headers = more + retry_header(full) + (code == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
+  send_http(connection_, code, kJsonType, text + "\n", headers.c_str());
+}
+
+}  // namespace varimesh::server

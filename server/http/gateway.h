@@ -1,0 +1,61 @@
+// The services of the contract over HTTP, with JSON, for those without gRPC.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "core/base/error.h"
+#include "server/access/rights.h"
+#include "server/failure.h"
+#include "server/http/exchange.h"
+#include "server/http/listen.h"
+#include "varimesh/v1/service.grpc.pb.h"
+
+namespace varimesh::server {
+
+/// An HTTP server whose requests become calls of this server's own services, so callers, owners, limits, the log and
+/// traces are the same. Bodies are proto3 JSON of the contract's messages; errors are google.rpc.Status.
+///
+///   GET /v1/info                  GetServerInfo
+///   POST /v1/jobs                 SubmitJob; the body is a JobSpec, ?requestId=…&validateOnly=true the rest
+///   GET /v1/jobs                  ListJobs; ?states=JOB_STATE_RUNNING&labels.KEY=VALUE&pageSize=…&pageToken=…
+///   GET /v1/jobs/ID               GetJob
+///   POST /v1/jobs/ID/cancel       CancelJob
+///   DELETE /v1/jobs/ID            DeleteJob
+///
+/// A token comes as "Authorization: Bearer TOKEN"; there are no cookies. A page of another site is refused by its
+/// Origin, and one whose name was made to point here (DNS rebinding) by its Host.
+class Gateway {
+ public:
+  /// Whether the caller of a method may call it. Asked before a body is read.
+  using Admit = std::function<Answer<void>(Method, std::string_view authorization, const std::string& address)>;
+
+  /// Listens on HOST:PORT. HOST is in 127.0.0.0/8, [::1] or localhost, and port 0 is any free port. `channel`: leads to
+  /// the services in this process. Errors: BadOption for any other address, Output if the address is taken.
+  static Expected<std::unique_ptr<Gateway>> start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
+                                                  Admit admit);
+
+  /// The address with the port that was chosen.
+  const std::string& address() const { return http_.address(); }
+
+ private:
+  Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
+      : jobs_(v1::JobService::NewStub(channel)), admit_(std::move(admit)) {}
+  static int handle(mg_connection* connection);
+  void answer(HttpExchange& exchange) const;
+  void answer_about_jobs(HttpExchange& exchange) const;
+  /// Answers a request for the job of this name; `action` is what follows the name in the path.
+  void answer_about(HttpExchange& exchange, const std::string& job, std::string_view action) const;
+  void list(HttpExchange& exchange) const;
+  void submit(HttpExchange& exchange) const;
+
+  const std::unique_ptr<v1::JobService::Stub> jobs_;
+  const Admit admit_;
+  HttpServer http_;  ///< The last member, so that its threads end first.
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,337 @@
+"""Calls over HTTP with JSON (--http): the same answers as by gRPC, for the same callers, and nothing for pages of other sites.
+ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import http.client
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+sys.path.insert(0, str(Path(os.environ["VARIMESH_SOURCE_DIR"]) / "tests" / "client"))
+from programs import CASES, ENDLESS, LARGER, MESH, VARIMESHD, Server, WithFolder, run
+
+JSON = {"Content-Type": "application/json"}
+UNKNOWN = "jobs/" + "0" * 32
+# Every call, as a method and a path; JOB stands for the number of a job.
+CALLS = [("GET", "/v1/info"), ("POST", "/v1/jobs"), ("GET", "/v1/jobs"), ("GET", "/v1/jobs/JOB"), ("POST", "/v1/jobs/JOB/cancel"),
+         ("DELETE", "/v1/jobs/JOB")]
+
+
+class WithHttp(WithFolder):
+    FLAGS = ()
+
+    def setUp(self):
+        super().setUp()
+        self.server = Server("--http", "127.0.0.1:0", "--threads", "1", *self.flags())
+        self.addCleanup(lambda: self.server.process.poll() is None and self.server.stop())
+        deadline = time.monotonic() + 20
+        while not (found := re.search(r"http://(127\.0\.0\.1:\d+)/v1/", "".join(self.server.log))):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.01)
+        self.http = found[1]
+
+    def flags(self):
+        return ()
+
+    def ask(self, method, path, body=None, headers=None, raw=False):
+        """Returns the code, the JSON and, if wanted, the headers of an answer."""
+        connection = http.client.HTTPConnection(self.http, timeout=30)
+        self.addCleanup(connection.close)
+        text = body if body is None or isinstance(body, (str, bytes)) else json.dumps(body)
+        connection.request(method, path, text, (JSON if body is not None else {}) if headers is None else headers)
+        answer = connection.getresponse()
+        self.assertEqual(answer.headers["Content-Type"], "application/json")
+        document = json.loads(answer.read())
+        return (answer.status, document, answer.headers) if raw else (answer.status, document)
+
+    def reason(self, method, path, *arguments, **keywords):
+        """Returns the code of a refusal and its reason."""
+        code, document = self.ask(method, path, *arguments, **keywords)
+        self.assertGreaterEqual(code, 400, document)
+        self.assertTrue(document["message"], document)
+        return code, document.get("details", [{}])[0].get("reason")
+
+    def send(self, text, seconds=20):
+        """Sends bytes as they are, and returns what comes until the server closes."""
+        host, port = self.http.rsplit(":", 1)
+        with socket.create_connection((host, int(port)), seconds) as connection:
+            connection.sendall(text)
+            came = b""
+            while piece := connection.recv(65536):
+                came += piece
+        return came
+
+    def submit(self, mesh=MESH, *options, env=None):
+        """Submits a job by the command and returns its number."""
+        done = run("submit", mesh, *options, "--server", self.server.address, env=env)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout.split()[0].removeprefix("jobs/")
+
+    def wait(self, job, *states, headers=None):
+        deadline = time.monotonic() + 40
+        while (found := self.ask("GET", f"/v1/jobs/{job}", headers=headers or {})[1]["job"])["state"] not in states:
+            self.assertLess(time.monotonic(), deadline, found)
+            time.sleep(0.02)
+        return found
+
+    def still_answers(self):
+        self.assertEqual(self.ask("GET", "/v1/info")[0] in (200, 401), True)
+
+
+class Calls(WithHttp):
+    def test_a_job_from_its_submission_to_its_end(self):
+        first = self.wait(self.submit(), "JOB_STATE_SUCCEEDED")
+        code, submitted = self.ask("POST", "/v1/jobs?requestId=once", first["spec"])
+        self.assertEqual(code, 200, submitted)
+        name = submitted["job"]["name"]
+        self.assertEqual(self.ask("POST", "/v1/jobs?requestId=once", first["spec"])[1]["job"]["name"], name, "the same request")
+        again = self.wait(name.removeprefix("jobs/"), "JOB_STATE_SUCCEEDED")
+        self.assertEqual([result["digest"] for result in again["results"]], [result["digest"] for result in first["results"]])
+        listed = self.ask("GET", "/v1/jobs?states=JOB_STATE_SUCCEEDED&pageSize=1")[1]
+        self.assertEqual([job["name"] for job in listed["jobs"]], [name])
+        more = self.ask("GET", f"/v1/jobs?states=JOB_STATE_SUCCEEDED&pageSize=1&pageToken={listed['nextPageToken']}")[1]
+        self.assertEqual([job["name"] for job in more["jobs"]], [first["name"]])
+        self.assertEqual(self.ask("GET", "/v1/jobs?states=JOB_STATE_RUNNING")[1], {})
+        self.assertEqual(self.ask("DELETE", f"/v1/{name}"), (200, {}))
+        self.assertEqual(self.reason("GET", f"/v1/{name}"), (404, "JOB_NOT_FOUND"))
+
+    def test_labels_choose_jobs(self):
+        spec = self.wait(self.submit(), "JOB_STATE_SUCCEEDED")["spec"]
+        spec["labels"] = {"wing": "left & right"}
+        name = self.ask("POST", "/v1/jobs", spec)[1]["job"]["name"]
+        self.assertEqual([job["name"] for job in self.ask("GET", "/v1/jobs?labels.wing=left+%26%20right")[1]["jobs"]], [name])
+        self.assertEqual(self.ask("GET", "/v1/jobs?labels.wing=none")[1], {})
+
+    def test_cancels(self):
+        job = self.submit(LARGER, *ENDLESS)
+        self.wait(job, "JOB_STATE_RUNNING")
+        self.assertEqual(self.ask("POST", f"/v1/jobs/{job}/cancel")[0], 200)
+        self.wait(job, "JOB_STATE_CANCELLED")
+
+    def test_says_what_the_server_is(self):
+        code, info, headers = self.ask("GET", "/v1/info", raw=True)
+        self.assertEqual(code, 200)
+        self.assertIn("MESH_FORMAT_VTU", info["outputFormats"])
+        self.assertEqual(headers["X-Content-Type-Options"], "nosniff")
+        self.assertIsNone(headers["Access-Control-Allow-Origin"])
+
+    def test_says_the_sentences_of_grpc(self):
+        by_grpc = run("cancel", UNKNOWN, "--server", self.server.address).stderr
+        code, document = self.ask("POST", f"/v1/{UNKNOWN}/cancel")
+        self.assertEqual((code, document["code"]), (404, 5))
+        self.assertIn(document["message"].rstrip("."), by_grpc)
+        self.assertEqual(document["details"][0]["@type"], "type.googleapis.com/google.rpc.ErrorInfo")
+        spec = {"mesh": {"digest": "a" * 64}}
+        self.assertEqual(self.reason("POST", "/v1/jobs", spec), (400, "MESH_NOT_FOUND"))
+        self.assertEqual(self.reason("POST", "/v1/jobs", {**spec, "options": {"maxIterations": -5}})[0], 400)
+
+    def test_checks_without_submitting(self):
+        spec = self.wait(self.submit(), "JOB_STATE_SUCCEEDED")["spec"]
+        self.assertEqual(self.ask("POST", "/v1/jobs?validateOnly=true", spec)[0], 200)
+        self.assertEqual(len(self.ask("GET", "/v1/jobs")[1]["jobs"]), 1)
+
+    def test_the_lines_of_the_page(self):
+        if shutil.which("curl") is None or shutil.which("jq") is None:
+            self.skipTest("there is no curl or no jq")
+        job = self.submit()
+        self.wait(job, "JOB_STATE_SUCCEEDED")
+        page = (Path(os.environ["VARIMESH_SOURCE_DIR"]) / "docs" / "http.md").read_text()
+        lines = re.findall(r"^curl .*", page, re.M)
+        self.assertGreater(len(lines), 7)
+        for line in lines:
+            done = subprocess.run(["bash", "-o", "pipefail", "-c", line.replace("curl ", "curl --fail-with-body ")], capture_output=True,
+                                  text=True, cwd=self.folder, timeout=30,
+                                  env={**os.environ, "HTTP": f"http://{self.http}", "JOB": f"jobs/{job}"})
+            self.assertEqual(done.returncode, 0, (line, done.stdout, done.stderr))
+            json.loads(done.stdout or (self.folder / "spec.json").read_text())
+        self.assertEqual(self.reason("GET", f"/v1/jobs/{job}"), (404, "JOB_NOT_FOUND"))
+
+    def test_with_curl(self):
+        if shutil.which("curl") is None:
+            self.skipTest("there is no curl")
+        spec = self.wait(self.submit(), "JOB_STATE_SUCCEEDED")["spec"]
+
+        def curl(*arguments):
+            done = subprocess.run(["curl", "-sS", "--fail-with-body", *arguments], capture_output=True, text=True, timeout=30)
+            return done.returncode, json.loads(done.stdout)
+
+        code, submitted = curl("--json", json.dumps(spec), f"http://{self.http}/v1/jobs")
+        self.assertEqual(code, 0, submitted)
+        self.assertEqual(curl(f"http://{self.http}/v1/{submitted['job']['name']}")[0], 0)
+        self.assertEqual(curl("-X", "POST", f"http://localhost:{self.http.rsplit(':')[1]}/v1/{UNKNOWN}/cancel")[0], 22)
+
+
+class Refusals(WithHttp):
+    def test_bodies_that_are_no_job(self):
+        for what, body in (("no JSON", "{"), ("an unknown field", '{"mash": {}}'), ("a wrong type", '{"mesh": 5}'), ("a list", "[]"),
+                           ("nothing", ""), ("text that is not UTF-8", b'{"labels": {"a": "\xff"}}'), ("deep nesting", "[" * 100000),
+                           ("deep objects", '{"a":' * 100000), ("a large number", '{"options": {"maxIterations": 1e400}}'),
+                           ("NaN", '{"options": {"tolerance": NaN}}'), ("NUL", b'{"labels": {"a\0": "b"}}')):
+            with self.subTest(what):
+                self.assertEqual(self.ask("POST", "/v1/jobs", body)[0], 400, what)
+        for type in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data", "", "application/jsonx"):
+            self.assertIn("Content-Type", self.ask("POST", "/v1/jobs", "{}", {"Content-Type": type})[1]["message"])
+        self.assertEqual(self.ask("POST", "/v1/jobs", "{}", {"Content-Type": "application/json; charset=utf-8"})[1]["code"], 3)
+        self.still_answers()
+
+    def test_a_body_that_is_too_large_is_not_read(self):
+        head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n"
+        begun = time.monotonic()
+        for size in ((4 << 20) + 1, 1 << 40, (1 << 63) - 1):
+            self.assertIn(b"400 Bad Request", self.send(head % size), size)
+        self.assertLess(time.monotonic() - begun, 10)
+        self.assertNotIn(b" 200 ", self.send(head.replace(b"%d", b"-1")))
+        self.assertNotIn(b" 200 ", self.send(head.replace(b"%d", b"99999999999999999999999")))
+        self.assertNotIn(b" 200 ", self.send(head.replace(b"Content-Length: %d", b"Transfer-Encoding: chunked") + b"2\r\n{}\r\n0\r\n\r\n"))
+        self.still_answers()
+
+    def test_other_methods(self):
+        for method in ("PUT", "PATCH", "DELETE", "OPTIONS"):
+            code, document, headers = self.ask(method, "/v1/jobs", raw=True)
+            self.assertEqual((code, headers["Allow"]), (405, "GET, POST"), method)
+            self.assertIn("GET, POST", document["message"])
+        self.assertEqual(self.ask("GET", f"/v1/{UNKNOWN}/cancel")[0], 405)
+        self.assertEqual(self.ask("POST", "/v1/info", {})[0], 405)
+
+    def test_tricks_with_the_path(self):
+        for path in ("/", "/v1", "/v1/", "/v1/jobsx", "/v2/jobs", "/etc/passwd", "/v1/jobs/../../../etc/passwd",
+                     "/v1/jobs/%2e%2e%2f%2e%2e%2fetc/passwd", "/v1/jobs/", "/v1/jobs//", "/v1/jobs/%00", "/v1/jobs/a%0d%0ab", "//etc/passwd",
+                     "/v1/jobs/" + "a" * 10000, "/v1/jobs/%ff%fe", f"/v1/{UNKNOWN}/cancel/more", f"/v1/{UNKNOWN}/result"):
+            with self.subTest(path):
+                came = self.send(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+                self.assertRegex(came, rb"^HTTP/1.1 40[04] ", came[:100])
+                self.assertNotIn(b"root:", came)
+        self.assertEqual(self.ask("GET", "/v1/jobs?" + "&".join(["states=JOB_STATE_RUNNING"] * 200))[0], 400)
+        self.assertEqual(self.ask("GET", "/v1/jobs?pageSize=12x")[0], 400)
+        self.assertEqual(self.ask("GET", "/v1/jobs?states=RUN")[0], 400)
+        self.assertEqual(self.ask("GET", "/v1/jobs?owner=bob")[0], 400)
+        self.assertEqual(self.ask("POST", "/v1/jobs?validateOnly=maybe", {})[0], 400)
+        self.still_answers()
+
+    def test_pages_of_other_sites(self):
+        for method, path in CALLS:
+            path = path.replace("JOB", "0" * 32)
+            for headers in ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": "http://127.0.0.1:1"},
+                            {"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "same-site"}):
+                self.assertEqual(self.ask(method, path, "{}", {**JSON, **headers})[0], 403, (method, path, headers))
+            for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "10.0.0.1", "localhost.evil.example", ""):
+                self.assertEqual(self.ask(method, path, "{}", {**JSON, "Host": host})[0], 421, (method, path, host))
+        self.assertIn(b" 421 ", self.send(b"GET /v1/info HTTP/1.0\r\n\r\n"))
+        own = {"Origin": f"http://{self.http}", "Sec-Fetch-Site": "same-origin"}
+        self.assertEqual(self.ask("GET", "/v1/info", headers=own)[0], 200)
+
+    def test_slow_clients_do_not_hold_others_up(self):
+        host, port = self.http.rsplit(":", 1)
+        slow = []
+        self.addCleanup(lambda: [one.close() for one in slow])
+        for i in range(40):
+            slow.append(socket.create_connection((host, int(port)), 20))
+            slow[-1].sendall((b"", b"POST /v1/jobs HTTP/1.1\r\nHost: ", b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: "
+                              b"application/json\r\nContent-Length: 1000\r\n\r\n{")[i % 3])
+        for _ in range(5):
+            begun = time.monotonic()
+            self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
+            self.assertLess(time.monotonic() - begun, 2)
+        for one in slow[2::3]:
+            self.assertIn(b" 400 ", one.recv(4096), "a body that does not come is given up")
+
+    def test_addresses_that_others_reach(self):
+        for address in ("0.0.0.0:0", "10.0.0.1:80", "8080", ":8080", "example.org:80"):
+            done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", "--http", address], capture_output=True, text=True, timeout=20)
+            self.assertEqual(done.returncode, 2, address)
+            self.assertIn("--http 127.0.0.1:8080", done.stderr)
+
+
+class Callers(WithHttp):
+    def flags(self):
+        self.tokens = self.folder / "tokens"
+        self.token = {}
+        for name, owner, *roles in (("ann", "ann"), ("bob", "bob"), ("reader", "ann", "--role", "read"),
+                                    ("submitter", "ann", "--role", "submit"), ("operator", "operator", "--role", "admin")):
+            self.token[name] = subprocess.run([VARIMESHD, "token", owner, "--tokens", self.tokens, *roles], capture_output=True, text=True,
+                                              timeout=20).stdout.strip()
+        return ("--tokens", str(self.tokens))
+
+    def of(self, name):
+        return {**JSON, "Authorization": "Bearer " + self.token[name]}
+
+    def submit_as(self, name):
+        return self.submit(LARGER, *ENDLESS, env={**os.environ, "VARIMESH_TOKEN": self.token[name]})
+
+    def test_nobody_without_a_token(self):
+        for method, path in CALLS:
+            for headers in ({}, {"Authorization": "Bearer x"}, {"Authorization": "Basic YTpi"}, {"Authorization": b"Bearer \xff\xfe"},
+                            {"Authorization": "Bearer " + "a" * 9000}, {"Cookie": "token=" + self.token["ann"]}):
+                code, reason = self.reason(method, path.replace("JOB", "0" * 32), "{}", {**JSON, **headers})
+                self.assertEqual(code, 401, (method, path, headers))
+                self.assertIn(reason, ("TOKEN_MISSING", "TOKEN_UNKNOWN"))
+        self.assertEqual(self.ask("GET", "/v1/info", raw=True)[2]["WWW-Authenticate"], "Bearer")
+        self.assertEqual(self.ask("GET", "/v1/info", headers=self.of("ann"))[0], 200)
+
+    def test_a_body_is_not_read_before_its_caller_is_known(self):
+        head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 4000000\r\n\r\n"
+        begun = time.monotonic()
+        host, port = self.http.rsplit(":", 1)
+        with socket.create_connection((host, int(port)), 20) as connection:
+            connection.sendall(head)
+            self.assertIn(b" 401 ", connection.recv(65536), "no byte of the body has come")
+        self.assertLess(time.monotonic() - begun, 1.5)
+
+    def test_roles(self):
+        job = self.submit_as("ann")
+        may = {"reader": {"GET"}, "submitter": {"POST /v1/jobs"}}
+        for name, allowed in may.items():
+            for method, path in CALLS[1:]:
+                code, reason = self.ask(method, path.replace("JOB", job), "{}" if method == "POST" else None, self.of(name))
+                if method in allowed or f"{method} {path}" in allowed:
+                    self.assertNotIn(code, (401, 403), (name, method, path))
+                else:
+                    self.assertEqual(code, 403, (name, method, path, reason))
+
+    def test_the_jobs_of_others_are_not_there(self):
+        job = self.submit_as("ann")
+        known = self.ask("GET", f"/v1/jobs/{job}", headers=self.of("ann"))[1]["job"]
+        for method, path in CALLS[3:]:
+            others = self.ask(method, path.replace("JOB", job), headers=self.of("bob"))
+            nobodys = self.ask(method, path.replace("JOB", "0" * 32), headers=self.of("bob"))
+            self.assertEqual(others[0], 404, (method, path))
+            self.assertEqual(json.dumps(others[1]).replace(job, "JOB"), json.dumps(nobodys[1]).replace("0" * 32, "JOB"))
+        self.assertEqual(self.ask("GET", "/v1/jobs", headers=self.of("bob"))[1], {})
+        self.assertEqual(self.reason("POST", "/v1/jobs", known["spec"], self.of("bob")), (400, "MESH_NOT_FOUND"), "a digest is no right")
+        self.assertEqual(len(self.ask("GET", "/v1/jobs", headers=self.of("operator"))[1]["jobs"]), 1)
+        self.assertEqual(self.ask("POST", f"/v1/jobs/{job}/cancel", headers=self.of("operator"))[0], 200)
+
+    def test_the_log_says_who_did_what(self):
+        job = self.submit_as("ann")
+        trace = "0af7651916cd43dd8448eb211c80319c"
+        self.ask("POST", f"/v1/jobs/{job}/cancel", headers={**self.of("ann"), "traceparent": f"00-{trace}-b7ad6b7169203331-01"})
+        self.wait(job, "JOB_STATE_CANCELLED", headers=self.of("ann"))
+        self.server.stop()
+        lines = [line for line in self.server.log if "audit" in line and "cancel" in line.lower()]
+        self.assertEqual(len(lines), 1, self.server.log)
+        for part in ("ann", "127.0.0.1", job):
+            self.assertIn(part, lines[0])
+
+
+class Limits(WithHttp):
+    def flags(self):
+        return ("--max-submissions-per-peer", "3")
+
+    def test_the_limits_of_a_peer_count_both_ways(self):
+        spec = self.wait(self.submit(), "JOB_STATE_SUCCEEDED")["spec"]
+        for _ in range(2):
+            self.assertEqual(self.ask("POST", "/v1/jobs", spec)[0], 200)
+        code, document, headers = self.ask("POST", "/v1/jobs", spec, raw=True)
+        self.assertEqual((code, document["details"][0]["reason"]), (429, "PEER_LIMIT"))
+        self.assertGreater(int(headers["Retry-After"]), 0)
+        forged = {**JSON, "varimesh-address": "10.0.0.1", "X-Forwarded-For": "10.0.0.1"}
+        self.assertEqual(self.ask("POST", "/v1/jobs", spec, forged)[0], 429)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
