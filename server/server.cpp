@@ -135,13 +135,13 @@ Expected<void> Server::start_admin_port() {
 
 Expected<void> Server::start_http_port() {
   if (options_.http.empty()) return {};
-  auto gateway =
-      Gateway::start(options_.http, endpoint_->in_process_channel(),
-                     [this](Method method, std::string_view authorization, const std::string& address) -> Answer<void> {
-                       const auto caller = access_->admit(method, authorization, address);
-                       if (!caller) return tl::unexpected(caller.error());
-                       return {};
-                     });
+  auto gateway = Gateway::start(
+      options_.http, endpoint_->in_process_channel(),
+      [this](Method method, std::string_view authorization, const std::string& address) -> Answer<std::string> {
+        auto caller = access_->admit(method, authorization, address);
+        if (!caller) return tl::unexpected(caller.error());
+        return std::move(caller->peer);
+      });
   if (!gateway) return tl::unexpected(gateway.error());
   gateway_ = std::move(*gateway);
   return {};

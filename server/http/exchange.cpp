@@ -9,6 +9,7 @@
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
+#include "server/api/context.h"
 #include "server/http/listen.h"
 #include "server/refusals.h"
 
@@ -18,7 +19,7 @@ namespace {
 using google::protobuf::util::JsonStringToMessage;
 using google::protobuf::util::MessageToJsonString;
 
-/// How long a body may take to come.
+/// How long a body of JSON, or a piece of a mesh, may take to come.
 constexpr std::chrono::seconds kPatience{30};
 
 /// The codes of HTTP, as google/rpc/code.proto maps them.
@@ -58,21 +59,6 @@ std::string retry_header(const google::rpc::Status& status) {
   return {};
 }
 
-/// Reads the body. Nothing if it does not come in time, or not whole.
-Answer<std::string> read_body(mg_connection* connection, std::size_t size) {
-  // civetweb waits for all bytes that it is asked for as long as some of them come.
-  constexpr std::size_t kPiece = 256;
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  std::string body(size, '\0');
-  for (std::size_t have = 0; have < size;) {
-    const int got = mg_read(connection, body.data() + have, std::min(kPiece, size - have));
-    if (got <= 0 || std::chrono::steady_clock::now() > deadline)
-      return bad_request("The body of the request did not come within " + std::to_string(kPatience.count()) + " s.");
-    have += static_cast<std::size_t>(got);
-  }
-  return body;
-}
-
 }  // namespace
 
 HttpExchange::HttpExchange(mg_connection* connection)
@@ -107,23 +93,67 @@ Answer<std::vector<std::pair<std::string, std::string>>> HttpExchange::query() c
   return fields;
 }
 
+Answer<void> HttpExchange::expect(std::string_view type) const {
+  // Pages of other sites cannot send these types without asking first.
+  const std::string sent = header("Content-Type");
+  if (std::string_view(sent).substr(0, sent.find(';')) != type)
+    return bad_request("The body must have the header Content-Type: " + std::string(type) + ".");
+  if (size() < 0) return bad_request("The request does not say how long its body is; send the header Content-Length.");
+  return {};
+}
+
+std::int64_t HttpExchange::size() const { return request_.content_length; }
+
+std::size_t HttpExchange::read_some(char* bytes, std::size_t count) {
+  // civetweb waits for all bytes that it is asked for as long as some of them come.
+  constexpr std::size_t kPiece = 4096;
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  std::size_t have = 0;
+  while (have < count && std::chrono::steady_clock::now() < deadline) {
+    const std::size_t wanted = std::min(kPiece, count - have);
+    const int got = mg_read(connection_, bytes + have, wanted);
+    if (got <= 0) break;
+    have += static_cast<std::size_t>(got);
+  }
+  return have;
+}
+
 Answer<void> HttpExchange::read(google::protobuf::Message* message, std::size_t most) {
-  // Pages of other sites cannot send this type without asking first.
-  const std::string type = header("Content-Type");
-  if (type.substr(0, type.find(';')) != kJsonType)
-    return bad_request("The body must be JSON; send it with the header Content-Type: application/json.");
-  if (request_.content_length < 0)
-    return bad_request("The request does not say how long its body is; send the header Content-Length.");
-  const auto size = static_cast<std::size_t>(request_.content_length);
-  if (size > most)
-    return bad_request("The body has " + std::to_string(size) + " bytes, but may have " + std::to_string(most) + ".");
-  const auto body = read_body(connection_, size);
-  if (!body) return tl::unexpected(body.error());
-  const auto parsed = JsonStringToMessage(*body, message);
+  if (const auto expected = expect(kJsonType); !expected) return expected;
+  const auto count = static_cast<std::size_t>(size());
+  if (count > most)
+    return bad_request("The body has " + std::to_string(count) + " bytes, but may have " + std::to_string(most) + ".");
+  std::string body(count, '\0');
+  if (read_some(body.data(), count) < count)
+    return bad_request("The body of the request did not come within " + std::to_string(kPatience.count()) + " s.");
+  const auto parsed = JsonStringToMessage(body, message);
   if (!parsed.ok())
     return bad_request("The body is no JSON of " + message->GetDescriptor()->full_name() + " (" +
                        std::string(parsed.message()) + ").");
   return {};
+}
+
+void HttpExchange::pass_on(grpc::ClientContext& context) const {
+  for (const char* name : {"authorization", "traceparent"})
+    if (const std::string value = header(name); !value.empty()) context.AddMetadata(name, value);
+  context.AddMetadata(key_of_address(), address());
+}
+
+void HttpExchange::begin_bytes(std::int64_t offset, std::int64_t size, bool is_part, const std::string& digest) {
+  std::string range;
+  if (is_part)
+    range = "Content-Range: bytes " + std::to_string(offset) + "-" + std::to_string(size - 1) + "/" +
+            std::to_string(size) + "\r\n";
+  mg_printf(connection_,
+            "HTTP/1.1 %s\r\nContent-Type: %s\r\nContent-Length: %lld\r\n%sAccept-Ranges: bytes\r\nETag: \"%s\"\r\n"
+            "Content-Disposition: attachment\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
+            "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n\r\n",
+            is_part ? "206 Partial Content" : "200 OK", kBytesType.data(), static_cast<long long>(size - offset),
+            range.c_str(), digest.c_str());
+}
+
+bool HttpExchange::send(std::string_view bytes) {
+  return mg_write(connection_, bytes.data(), bytes.size()) == static_cast<int>(bytes.size());
 }
 
 void HttpExchange::answer(const google::protobuf::Message& message) {
@@ -145,6 +175,10 @@ void HttpExchange::refuse(const grpc::Status& status, int http, const std::strin
   const int code = http != 0 ? http : http_code(status.error_code());
   const std::string headers = more + retry_header(full) + (code == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
   send_http(connection_, code, kJsonType, text + "\n", headers.c_str());
+}
+
+Refusal unknown_field(const std::string& name, const std::string& known) {
+  return bad_request("There is no field '" + name + "' in this address; there are " + known + ".");
 }
 
 }  // namespace varimesh::server

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <google/protobuf/message.h>
-#include <grpcpp/support/status.h>
+#include <grpcpp/grpcpp.h>
 
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -32,10 +34,38 @@ class HttpExchange {
   /// The fields of the query in their order, decoded. INVALID_ARGUMENT if there are too many.
   Answer<std::vector<std::pair<std::string, std::string>>> query() const;
 
+  /// INVALID_ARGUMENT unless there is a body of this type whose size is known.
+  Answer<void> expect(std::string_view type) const;
+  /// The size of the body, in bytes; negative if it is not known.
+  std::int64_t size() const;
+  /// Reads this many bytes of the body. Returns how many came; fewer if the client is gone or too slow.
+  std::size_t read_some(char* bytes, std::size_t count);
   /// Reads a body of JSON into a message. INVALID_ARGUMENT if it is not declared as JSON, has more than `most` bytes,
   /// does not come soon, or is no JSON of this message.
   Answer<void> read(google::protobuf::Message* message, std::size_t most);
 
+  /// Gives a call what the request says about its caller.
+  void pass_on(grpc::ClientContext& context) const;
+  /// Calls a method of this server for the caller of the request, and answers with what it says.
+  template <class Stub, class Request, class Response>
+  void call(Stub& stub, grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+            const Request& request) {
+    constexpr std::chrono::seconds kPatience{60};
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + kPatience);
+    pass_on(context);
+    Response response;
+    const grpc::Status status = (stub.*method)(&context, request, &response);
+    if (status.ok())
+      answer(response);
+    else
+      refuse(status);
+  }
+
+  /// Begins to answer with the bytes from `offset` on of a file of this size. `is_part`: they were asked for by Range.
+  void begin_bytes(std::int64_t offset, std::int64_t size, bool is_part, const std::string& digest);
+  /// Sends some of them. Returns false if the client is gone.
+  bool send(std::string_view bytes);
   /// Answers with a message as proto3 JSON.
   void answer(const google::protobuf::Message& message);
   /// Answers with the status as google.rpc.Status, and its code as HTTP has it. `http`: another code of HTTP.
@@ -46,5 +76,8 @@ class HttpExchange {
   mg_connection* const connection_;
   const mg_request_info& request_;
 };
+
+/// INVALID_ARGUMENT: the query has a field that is none of the known ones.
+Refusal unknown_field(const std::string& name, const std::string& known);
 
 }  // namespace varimesh::server

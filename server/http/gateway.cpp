@@ -4,44 +4,24 @@
 #include <civetweb.h>
 
 #include <charconv>
-#include <chrono>
 
-#include "server/api/context.h"
+#include "server/http/transfers.h"
+#include "server/streams/status.h"
 
 namespace varimesh::server {
 namespace {
 
-constexpr std::string_view kJobs = "/v1/jobs";
+constexpr std::string_view kJobs = "/v1/jobs", kUploads = "/v1/uploads/";
 
-/// How long a call may take.
-constexpr std::chrono::seconds kPatience{60};
-
-/// Calls a method of this server for the caller of the request, and answers with what it says.
-template <class Stub, class Request, class Response>
-void call(HttpExchange& exchange, Stub& stub,
-          grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*), const Request& request) {
-  grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kPatience);
-  for (const char* name : {"authorization", "traceparent"})
-    if (const std::string value = exchange.header(name); !value.empty()) context.AddMetadata(name, value);
-  context.AddMetadata(key_of_address(), exchange.address());
-  Response response;
-  const grpc::Status status = (stub.*method)(&context, request, &response);
-  if (status.ok())
-    exchange.answer(response);
-  else
-    exchange.refuse(status);
-}
+/// How many of the threads may be busy with the bytes of meshes, of all callers and of one. The others stay for calls
+/// that are short.
+constexpr int kMostTransfers = 32, kMostTransfersOfPeer = 8;
 
 /// Whether the request may come from a browser at all: no page, or one of this very port.
 bool is_from_elsewhere(const HttpExchange& exchange) {
   const std::string origin = exchange.header("Origin"), site = exchange.header("Sec-Fetch-Site");
   return (!origin.empty() && origin != "http://" + exchange.header("Host")) ||
          (!site.empty() && site != "same-origin" && site != "none");
-}
-
-grpc::Status unknown_field(const std::string& name, const char* known) {
-  return status(bad_request("There is no field '" + name + "' in this address; there are " + known + "."));
 }
 
 Answer<bool> flag_of(const std::string& name, const std::string& value) {
@@ -58,6 +38,13 @@ void refuse_address(HttpExchange& exchange) {
 }
 
 }  // namespace
+
+Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
+    : jobs_(v1::JobService::NewStub(channel)),
+      meshes_(v1::MeshService::NewStub(channel)),
+      admit_(std::move(admit)),
+      transfers_(kMostTransfers),
+      transfers_of_peer_(kMostTransfersOfPeer) {}
 
 Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
                                                   Admit admit) {
@@ -90,7 +77,15 @@ void Gateway::answer(HttpExchange& exchange) const {
     return exchange.refuse({grpc::StatusCode::PERMISSION_DENIED, "Pages of other sites may not use this port."});
   if (exchange.path() == "/v1/info") {
     if (exchange.method() != "GET") return refuse_method(exchange, "GET");
-    return call(exchange, *jobs_, &v1::JobService::Stub::GetServerInfo, v1::GetServerInfoRequest());
+    return exchange.call(*jobs_, &v1::JobService::Stub::GetServerInfo, v1::GetServerInfoRequest());
+  }
+  if (exchange.path() == "/v1/meshes") {
+    if (exchange.method() != "POST" && exchange.method() != "PUT") return refuse_method(exchange, "POST, PUT");
+    return transfer(exchange, Method::SendMesh, [&] { receive_mesh(exchange, *meshes_); });
+  }
+  if (exchange.path().starts_with(kUploads)) {
+    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
+    return tell_upload(exchange, *meshes_, std::string(exchange.path().substr(kUploads.size())));
   }
   if (exchange.path().starts_with(kJobs)) return answer_about_jobs(exchange);
   refuse_address(exchange);
@@ -116,14 +111,29 @@ void Gateway::answer_about(HttpExchange& exchange, const std::string& job, std::
   };
   if (action == "/cancel") {
     if (exchange.method() != "POST") return refuse_method(exchange, "POST");
-    return call(exchange, *jobs_, &v1::JobService::Stub::CancelJob, named(v1::CancelJobRequest()));
+    return exchange.call(*jobs_, &v1::JobService::Stub::CancelJob, named(v1::CancelJobRequest()));
+  }
+  if (action == "/result") {
+    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
+    return transfer(exchange, Method::DownloadMesh, [&] { send_result(exchange, *jobs_, *meshes_, job); });
   }
   if (!action.empty()) return refuse_address(exchange);
   if (exchange.method() == "GET")
-    return call(exchange, *jobs_, &v1::JobService::Stub::GetJob, named(v1::GetJobRequest()));
+    return exchange.call(*jobs_, &v1::JobService::Stub::GetJob, named(v1::GetJobRequest()));
   if (exchange.method() == "DELETE")
-    return call(exchange, *jobs_, &v1::JobService::Stub::DeleteJob, named(v1::DeleteJobRequest()));
+    return exchange.call(*jobs_, &v1::JobService::Stub::DeleteJob, named(v1::DeleteJobRequest()));
   refuse_method(exchange, "GET, DELETE");
+}
+
+void Gateway::transfer(HttpExchange& exchange, Method method, const std::function<void()>& work) const {
+  const auto peer = admit_(method, exchange.header("Authorization"), exchange.address());
+  if (!peer) return exchange.refuse(status(peer.error()));
+  const auto own = transfers_of_peer_.take(*peer), place = transfers_.take("");
+  if (own == nullptr || place == nullptr)
+    return exchange.refuse(status(own == nullptr
+                                      ? peer_limit(*peer, kMostTransfersOfPeer, "uploads and downloads over HTTP")
+                                      : peer_limit("all callers", kMostTransfers, "uploads and downloads over HTTP")));
+  work();
 }
 
 void Gateway::list(HttpExchange& exchange) const {
@@ -148,10 +158,10 @@ void Gateway::list(HttpExchange& exchange) const {
     } else if (name.starts_with(kLabels)) {
       (*request.mutable_labels())[name.substr(kLabels.size())] = value;
     } else {
-      return exchange.refuse(unknown_field(name, "states, labels.KEY, pageSize and pageToken"));
+      return exchange.refuse(status(unknown_field(name, "states, labels.KEY, pageSize and pageToken")));
     }
   }
-  call(exchange, *jobs_, &v1::JobService::Stub::ListJobs, request);
+  exchange.call(*jobs_, &v1::JobService::Stub::ListJobs, request);
 }
 
 void Gateway::submit(HttpExchange& exchange) const {
@@ -168,13 +178,13 @@ void Gateway::submit(HttpExchange& exchange) const {
       if (!flag) return exchange.refuse(status(flag.error()));
       request.set_validate_only(*flag);
     } else {
-      return exchange.refuse(unknown_field(name, "requestId and validateOnly"));
+      return exchange.refuse(status(unknown_field(name, "requestId and validateOnly")));
     }
   }
   constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as the call may have
   if (const auto read = exchange.read(request.mutable_spec(), kMostBytes); !read)
     return exchange.refuse(status(read.error()));
-  call(exchange, *jobs_, &v1::JobService::Stub::SubmitJob, request);
+  exchange.call(*jobs_, &v1::JobService::Stub::SubmitJob, request);
 }
 
 }  // namespace varimesh::server

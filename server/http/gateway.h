@@ -13,6 +13,7 @@
 #include "server/failure.h"
 #include "server/http/exchange.h"
 #include "server/http/listen.h"
+#include "server/streams/peer_counts.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::server {
@@ -26,13 +27,16 @@ namespace varimesh::server {
 ///   GET /v1/jobs/ID               GetJob
 ///   POST /v1/jobs/ID/cancel       CancelJob
 ///   DELETE /v1/jobs/ID            DeleteJob
+///   GET /v1/jobs/ID/result        DownloadMesh of a result; ?format=MESH_FORMAT_VTU if there are several
+///   POST /v1/meshes?digest=…      SendMesh; &uploadId=…&offset=… goes on with an upload; also PUT
+///   GET /v1/uploads/ID?digest=…   QueryUpload
 ///
 /// A token comes as "Authorization: Bearer TOKEN"; there are no cookies. A page of another site is refused by its
 /// Origin, and one whose name was made to point here (DNS rebinding) by its Host.
 class Gateway {
  public:
-  /// Whether the caller of a method may call it. Asked before a body is read.
-  using Admit = std::function<Answer<void>(Method, std::string_view authorization, const std::string& address)>;
+  /// Who the limits per peer count, if the caller of a method may call it. Asked before a body is read.
+  using Admit = std::function<Answer<std::string>(Method, std::string_view authorization, const std::string& address)>;
 
   /// Listens on HOST:PORT. HOST is in 127.0.0.0/8, [::1] or localhost, and port 0 is any free port. `channel`: leads to
   /// the services in this process. Errors: BadOption for any other address, Output if the address is taken.
@@ -43,18 +47,21 @@ class Gateway {
   const std::string& address() const { return http_.address(); }
 
  private:
-  Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
-      : jobs_(v1::JobService::NewStub(channel)), admit_(std::move(admit)) {}
+  Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit);
   static int handle(mg_connection* connection);
   void answer(HttpExchange& exchange) const;
   void answer_about_jobs(HttpExchange& exchange) const;
   /// Answers a request for the job of this name; `action` is what follows the name in the path.
   void answer_about(HttpExchange& exchange, const std::string& job, std::string_view action) const;
+  /// Does work that sends or receives the bytes of a mesh, if the caller may and there is a thread for it.
+  void transfer(HttpExchange& exchange, Method method, const std::function<void()>& work) const;
   void list(HttpExchange& exchange) const;
   void submit(HttpExchange& exchange) const;
 
   const std::unique_ptr<v1::JobService::Stub> jobs_;
+  const std::unique_ptr<v1::MeshService::Stub> meshes_;
   const Admit admit_;
+  mutable PeerCounts transfers_, transfers_of_peer_;
   HttpServer http_;  ///< The last member, so that its threads end first.
 };
 

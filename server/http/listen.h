@@ -11,7 +11,8 @@ struct mg_context;
 
 namespace varimesh::server {
 
-inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJsonType = "application/json";
+inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJsonType = "application/json",
+                                  kBytesType = "application/octet-stream";
 
 /// Answers a request. `more`: further header lines, each with its end of line.
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
