@@ -6,6 +6,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/base/io/large_arrays.h"
 #include "core/base/shared_work.h"
 #include "core/problem/clusters.h"
 #include "core/reference/basis.h"
@@ -190,8 +191,8 @@ bool hold_deformation(Problem& problem, bool keeps_function) {
   for (CellSet& set : problem.sets) {
     const std::size_t numbers = keeps_function ? static_cast<std::size_t>(set.count) * set.stride : 0;
     made = made || set.jacobian_function.size() < numbers;
-    set.deformation.resize(set.count * set.deformation_size());
-    set.jacobian_function.resize(numbers);
+    resize_large(set.deformation, set.count * set.deformation_size());
+    resize_large(set.jacobian_function, numbers);
   }
   return made;
 }

@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
+#include "core/base/io/large_arrays.h"
+
 namespace varimesh {
 namespace {
 
@@ -35,9 +37,9 @@ BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& r
       for (int k = 0; k < d; ++k)
         for (int l = 0; l <= k; ++l) set.squares.push_back(static_cast<float>(slope[k] * slope[l]));
     }
-  set.contributions.resize(static_cast<std::size_t>(set.count) * nodes * 2 * d * kBatch);
-  set.linearisation.resize(set.count * set.linearisation_size());
-  set.deformation.resize(set.count * set.deformation_size());
+  resize_large(set.contributions, static_cast<std::size_t>(set.count) * nodes * 2 * d * kBatch);
+  resize_large(set.linearisation, set.count * set.linearisation_size());
+  resize_large(set.deformation, set.count * set.deformation_size());
   set.mean.resize(static_cast<std::size_t>(set.count) * (d * d + 1) * kBatch);
   set.inverse_target.resize(static_cast<std::size_t>(set.count) * (cells.affine ? 1 : cells.points) * d * d * kBatch);
   return set;

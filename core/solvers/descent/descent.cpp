@@ -160,8 +160,8 @@ void Descent::minimise(DescentRound& round) {
   NewtonRules rules;
   rules.most_products = kMostProducts;
   rules.few_products = kFewProducts;
-  UntouchedVector<double> start(from_.size());
-  objective_.take_places(start);
+  round_start_.resize(from_.size());
+  objective_.take_places(round_start_);
   NewtonMethod method(objective_, rules);
 
   for (int step = 0; step < kMostSteps; ++step) {
@@ -171,7 +171,7 @@ void Descent::minimise(DescentRound& round) {
     round.relative_gradient = first_gradient_ > 0 ? outcome.gradient_norm / first_gradient_ : 0;
     if (outcome.damping == 0 || (outcome.damping == 1 && outcome.residual <= kLongStep)) break;
   }
-  round.residual = objective_.largest_from(start);
+  round.residual = objective_.largest_from(round_start_);
 }
 
 void Descent::keep_certificates() {

@@ -160,10 +160,11 @@ class Descent {
   CellEnergy barrier_;  ///< 1/N Σ_e ε_e/V_e ∫ W(F) dx
   OrderLevels levels_;
   LossObjective objective_;
-  std::vector<double> factors_;    ///< By cell: what ε_e has been raised by.
-  std::vector<double> weights_;    ///< By cell: ε_e/V_e.
-  std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
-  std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
+  UntouchedVector<double> round_start_;  ///< Where the free nodes were at the beginning of the round.
+  std::vector<double> factors_;          ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;          ///< By cell: ε_e/V_e.
+  std::vector<char> lost_;               ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> uncertified_;        ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
   int raises_ = 0;            ///< Also counts the rounds that were taken back.

@@ -23,8 +23,9 @@ std::int64_t places(const MeshCounts& counts, int order) {
 }
 
 std::int64_t bytes_of_space(const MeshCounts& counts, int order) {
-  return 2 * kInt * places(counts, order) + kLong * counts.free_in_cells.nodes(order) +
-         kLong * counts.free.nodes(order);
+  const std::int64_t lists =
+      order < counts.order ? kLong * counts.free_in_cells.nodes(order) + kLong * counts.free.nodes(order) : 0;
+  return 2 * kInt * places(counts, order) + lists;
 }
 
 std::int64_t bytes_of_form(const MeshCounts& counts) {
@@ -51,7 +52,6 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   for (const SetSizes& set : sets) kept += bytes_of_batches(set, sizes);
   for (int q = 1; q <= order; ++q) kept += bytes_of_space(counts, q) + kDouble * counts.free.nodes(q);
   for (int q = 1; q < order; ++q) kept += 2 * kDouble * d * counts.free.nodes(q);  // residuals, solutions
-  if (order > 1) kept += kDouble * d * places(counts, static_cast<int>(order) - 1);
   // While a space is listed: ranks by node, and where the next place of each free node goes.
   const std::int64_t listing = 2 * kInt * counts.nodes() + kLong * counts.free_nodes();
   // Vectors of the objective and of the round, and what vertices are held with; ε_e and what it follows from; the best
@@ -61,8 +61,7 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   running += kDouble * d * counts.nodes();
   running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());
   // After a round, a copy of the mesh is judged.
-  const std::int64_t judging = std::max(bytes_of_accuracy(counts), bytes_of_mesh(counts) + bytes_of_quality(counts));
-  running += std::max(judging, kDouble * places(counts, static_cast<int>(order)));
+  running += std::max(bytes_of_accuracy(counts), bytes_of_mesh(counts) + bytes_of_quality(counts));
   return kept + std::max(listing, running);
 }
 

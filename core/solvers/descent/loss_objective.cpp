@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/io/large_arrays.h"
+
 namespace varimesh {
 namespace {
 
@@ -19,16 +21,12 @@ LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& fo
       levels_(levels),
       material_(material),
       team_(team),
-      reduction_(team),
-      gradient_(problem.free.size() * problem.dimension),
-      form_gradient_(gradient_.size()),
-      start_(gradient_.size()),
-      step_(gradient_.size()),
-      residual_(gradient_.size()),
-      direction_(gradient_.size()),
-      product_(gradient_.size()),
-      rough_direction_(gradient_.size() + static_cast<std::size_t>(padded(problem.dimension))),
-      rough_product_(rough_direction_.size()) {
+      reduction_(team) {
+  const std::size_t numbers = problem.free.size() * problem.dimension;
+  for (auto* vector : {&gradient_, &form_gradient_, &start_, &step_, &residual_, &direction_, &product_})
+    resize_large(*vector, numbers);
+  for (auto* vector : {&rough_direction_, &rough_product_})
+    resize_large(*vector, numbers + static_cast<std::size_t>(padded(problem.dimension)));
   std::fill(rough_direction_.begin() + static_cast<std::ptrdiff_t>(gradient_.size()), rough_direction_.end(), 0.0F);
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/io/large_arrays.h"
 #include "core/quality/accuracy/parts_table.h"
 #include "core/solvers/descent/order_tables.h"
 #include "core/solvers/descent/part_products.h"
@@ -29,8 +30,8 @@ ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wav
       reduction_(team),
       weights_(static_cast<std::size_t>(space.order) + 1),
       metrics_(problem.cells),
-      values_(problem.cells),
-      contributions_(static_cast<std::size_t>(space.place_count) * problem.dimension) {
+      values_(problem.cells) {
+  resize_large(contributions_, static_cast<std::size_t>(space.place_count) * problem.dimension);
   for (int s = 0; s <= space.order; ++s)
     weights_[static_cast<std::size_t>(s)] = std::pow(wave, 2 * (space.order + 1 - s));
   take_frames();
@@ -127,7 +128,7 @@ double ModalForm::gradient(std::span<double> gradient) {
     const auto x = [&](std::size_t n) { return problem_.positions[static_cast<std::size_t>(nodes[n]) * d + k]; };
     return x(node) - x(0);
   });
-  add_up(space_, problem_.dimension, contributions_, gradient, team_);
+  add_up(problem_, space_, problem_.dimension, contributions_, gradient, team_);
   return reduction_.sum(values_.size(), kCellsPerSum, [&](std::size_t cell) { return values_[cell]; }) / problem_.cells;
 }
 
@@ -137,7 +138,7 @@ void ModalForm::multiply(std::span<const double> direction, std::span<double> pr
     const std::int32_t number = space_.sets[set].numbers[cell + node];
     return number < 0 ? 0.0 : direction[static_cast<std::size_t>(number) * d + k];
   });
-  add_up(space_, problem_.dimension, contributions_, product, team_);
+  add_up(problem_, space_, problem_.dimension, contributions_, product, team_);
 }
 
 std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace* const> spaces,
@@ -147,7 +148,7 @@ std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace
   for (std::size_t level = 0; level < spaces.size(); ++level) {
     const OrderSpace& space = *spaces[level];
     std::vector<double>& diagonal = result.emplace_back(space.count);
-    std::vector<double> of_places(static_cast<std::size_t>(space.place_count));
+    const std::span<double> of_places = std::span(contributions_).first(static_cast<std::size_t>(space.place_count));
     for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t first, std::int32_t count) {
       const CellSet& set = problem_.sets[number];
       const detail::OrderTables& tables = detail::order_tables(set.shape, set.order);
@@ -169,7 +170,7 @@ std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace
                                     nodes) = sum;
       }
     });
-    add_up(space, 1, of_places, diagonal, team_);
+    add_up(problem_, space, 1, of_places, diagonal, team_);
   }
   return result;
 }

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/problem/problem.h"
@@ -43,6 +44,9 @@ class ModalForm {
   std::vector<std::vector<double>> diagonals(std::span<const OrderSpace* const> spaces,
                                              std::span<const double> stiffness);
 
+  /// Room for d numbers per place, which all functions but the constructor overwrite.
+  std::span<double> room() { return contributions_; }
+
  private:
   void measure(std::size_t set, std::int32_t first, std::int32_t count);
   /// The factors of the products of a part (degree s = part + 2) in a cell, by pair of directions.
@@ -62,7 +66,7 @@ class ModalForm {
   std::vector<double> weights_;                 ///< By degree s ≤ P: κ^(2(P+1−s)).
   std::vector<std::array<double, 6>> metrics_;  ///< J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.
   std::vector<double> values_;                  ///< By cell.
-  std::vector<double> contributions_;           ///< d per place.
+  UntouchedVector<double> contributions_;       ///< d per place.
 };
 
 }  // namespace varimesh

@@ -12,18 +12,16 @@ constexpr std::size_t kNumbersPerTask = 4096;
 OrderLevels::OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team)
     : problem_(problem), team_(team), reduction_(team) {
   for (int order = 1; order < own.order; ++order) lower_.push_back(lower_space(problem, order, team));
-  std::int64_t most = 0;
   for (const OrderSpace& space : lower_) {
     spaces_.push_back(&space);
     residuals_.emplace_back(static_cast<std::size_t>(space.count) * problem.dimension);
     solutions_.emplace_back(residuals_.back().size());
-    most = std::max(most, space.place_count);
   }
   spaces_.push_back(&own);
-  contributions_.resize(static_cast<std::size_t>(most) * problem.dimension);
 }
 
 void OrderLevels::take_diagonals(ModalForm& form, std::span<const double> stiffness) {
+  contributions_ = form.room();
   inverse_diagonals_ = form.diagonals(spaces_, stiffness);
   for (std::vector<double>& diagonal : inverse_diagonals_)
     team_.for_ranges(diagonal.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
@@ -67,7 +65,7 @@ void OrderLevels::restrict_to(std::size_t level, std::span<const double> above) 
           contributions_[(at + static_cast<std::size_t>(i) * nodes + n) * d + k] =
               restricted(n, static_cast<Eigen::Index>(i) * d + k);
   });
-  add_up(low, d, contributions_, residuals_[level], team_);
+  add_up(problem_, low, d, contributions_, residuals_[level], team_);
 }
 
 /// Sets the values of the space above. All cells of a node give it the same value; the first one writes it.

@@ -23,7 +23,7 @@ class OrderLevels {
   /// `own` is the space of the problem's order. Call it inside team.run(). All references must outlive the object.
   OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team);
 
-  /// Takes new diagonals; the arguments are those of ModalForm::diagonals().
+  /// Takes new diagonals; the arguments are those of ModalForm::diagonals(). apply() overwrites ModalForm::room().
   void take_diagonals(ModalForm& form, std::span<const double> stiffness);
 
   /// z = M⁻¹ r, d numbers per free node each. Returns r · z.
@@ -40,7 +40,7 @@ class OrderLevels {
   std::vector<const OrderSpace*> spaces_;  ///< [q − 1], q ≤ P.
   std::vector<std::vector<double>> inverse_diagonals_;
   std::vector<UntouchedVector<double>> residuals_, solutions_;  ///< Of lower_.
-  UntouchedVector<double> contributions_;
+  std::span<double> contributions_;  ///< By place, of the space that is worked on; the form's room.
 };
 
 }  // namespace varimesh

@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "core/base/index.h"
+#include "core/base/io/large_arrays.h"
 #include "core/base/shared_work.h"
 #include "core/mesh/changes/shared_nodes.h"
 
@@ -23,13 +24,17 @@ void for_places(OrderSpace& space, const Team& team, const Body& body) {
     });
 }
 
-/// Fills everything that follows from the numbers. The threads list places in any order, so these are sorted then.
-void list_places(OrderSpace& space, const Team& team) {
+/// Numbers the places of all sets.
+void count_places(OrderSpace& space) {
   for (OrderSpace::Set& set : space.sets) {
     set.first = space.place_count;
     space.place_count += static_cast<std::int64_t>(set.numbers.size());
-    set.owned.resize(set.numbers.size());
+    resize_large(set.owned, set.numbers.size());
   }
+}
+
+/// Fills everything that follows from the numbers. The threads list places in any order, so these are sorted then.
+void list_places(OrderSpace& space, const Team& team) {
   space.begin.assign(at(space.count) + 1, 0);
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
     if (set.numbers[place] >= 0) count_up(space.begin[at(set.numbers[place])], team);
@@ -110,12 +115,20 @@ OrderSpace own_space(const Problem& problem, const Team& team) {
     space.order = set.order;
     OrderSpace::Set& added = space.sets.emplace_back();
     added.nodes_per_cell = set.nodes_per_cell;
-    added.numbers.resize(set.nodes.size());
+    resize_large(added.numbers, set.nodes.size());
     team.for_ranges(set.nodes.size(), kPlacesPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t place = begin; place < end; ++place) added.numbers[place] = rank[at(set.nodes[place])];
     });
   }
-  list_places(space, team);
+  count_places(space);
+  for_places(space, team, [](OrderSpace::Set& set, std::size_t place) { set.owned[place] = -1; });
+  team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r) {
+      const Incidence& first = problem.incidences[at(problem.offsets[r])];
+      OrderSpace::Set& set = space.sets[at(first.set)];
+      set.owned[at(first.cell) * at(set.nodes_per_cell) + at(first.local)] = static_cast<std::int32_t>(r);
+    }
+  });
   return space;
 }
 
@@ -127,7 +140,7 @@ OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
   for (const CellSet& set : problem.sets) {
     OrderSpace::Set& added = space.sets.emplace_back();
     added.nodes_per_cell = reference::node_count(set.shape, order);
-    added.numbers.resize(at(set.count) * at(added.nodes_per_cell));
+    resize_large(added.numbers, at(set.count) * at(added.nodes_per_cell));
     const StandIns stand_ins(set.shape, set.order, order, problem.dimension);
     team.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
       const std::span named(&added.numbers[at(cell) * at(added.nodes_per_cell)], at(added.nodes_per_cell));
@@ -142,6 +155,7 @@ OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
     if (set.numbers[place] >= 0) set.numbers[place] = numbers[at(set.numbers[place])];
   });
+  count_places(space);
   list_places(space, team);
   return space;
 }
@@ -158,16 +172,24 @@ void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::i
   }
 }
 
-void add_up(const OrderSpace& space, int d, std::span<const double> contributions, std::span<double> out,
-            const Team& team) {
-  team.for_ranges(static_cast<std::size_t>(space.count), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t node = begin; node < end; ++node)
-      for (int k = 0; k < d; ++k) {
-        double sum = 0;
-        for (std::int64_t i = space.begin[node]; i < space.begin[node + 1]; ++i)
-          sum += contributions[static_cast<std::size_t>(space.places[i]) * d + k];
-        out[node * d + k] = sum;
-      }
+void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<const double> contributions,
+            std::span<double> out, const Team& team) {
+  const auto add = [&](const std::vector<std::int64_t>& begin_of, const auto& place_of) {
+    team.for_ranges(at(space.count), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t node = begin; node < end; ++node)
+        for (int k = 0; k < d; ++k) {
+          double sum = 0;
+          for (std::int64_t i = begin_of[node]; i < begin_of[node + 1]; ++i)
+            sum += contributions[at(place_of(at(i))) * at(d) + at(k)];
+          out[node * at(d) + at(k)] = sum;
+        }
+    });
+  };
+  if (!space.begin.empty()) return add(space.begin, [&](std::size_t i) { return space.places[i]; });
+  add(problem.offsets, [&](std::size_t i) {
+    const Incidence& incidence = problem.incidences[i];
+    const OrderSpace::Set& set = space.sets[at(incidence.set)];
+    return set.first + std::int64_t{incidence.cell} * set.nodes_per_cell + incidence.local;
   });
 }
 

@@ -25,8 +25,10 @@ struct OrderSpace {
     std::vector<std::int32_t> owned;    ///< The same, but −1 except at the first place of each free node.
   };
   std::vector<Set> sets;
-  std::vector<std::int64_t> begin;   ///< count + 1: where each free node's places begin in `places`.
-  std::vector<std::int64_t> places;  ///< In ascending order for each node.
+  /// count + 1: where each free node's places begin in `places`; empty in the problem's own order, whose incidences say
+  /// the same.
+  std::vector<std::int64_t> begin;
+  std::vector<std::int64_t> places;  ///< In ascending order for each node; or empty.
   std::int64_t place_count = 0;
 };
 
@@ -45,8 +47,8 @@ void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::i
             std::span<const double> vector, Eigen::MatrixXd& out);
 
 /// out of a node = Σ contributions at its places, in their order. `contributions` has d numbers per place.
-void add_up(const OrderSpace& space, int d, std::span<const double> contributions, std::span<double> out,
-            const Team& team);
+void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<const double> contributions,
+            std::span<double> out, const Team& team);
 
 /// Calls body(set, first, count) for groups of at most kCellsTogether cells that make up all sets.
 template <class Body>

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <numeric>
 
+#include "core/base/io/large_arrays.h"
 #include "core/base/shared_work.h"
 #include "core/base/stopwatch.h"
 
@@ -118,10 +119,15 @@ void Guard::keep() {
 }
 
 std::vector<double> Guard::coordinates() const {
-  if (kept_is_latest_) return {latest_coordinates_.begin(), latest_coordinates_.end()};
+  std::vector<double> coordinates;
+  reserve_large(coordinates, mesh_.coordinates.size());
+  if (kept_is_latest_) {
+    coordinates.assign(latest_coordinates_.begin(), latest_coordinates_.end());
+    return coordinates;
+  }
   std::vector<std::int32_t> cells(cell_nodes_.size());
   std::iota(cells.begin(), cells.end(), 0);
-  std::vector<double> coordinates = mesh_.coordinates;
+  coordinates = mesh_.coordinates;
   conversion_.update(positions_, cells, coordinates, team_.without_stop());
   return coordinates;
 }

@@ -56,6 +56,7 @@ TEST_P(OrderSpaceOf, DoesNotDependOnTheNumberOfThreads) {
     const OrderSpace a = made(one), b = made(three);
     EXPECT_EQ(a.begin, b.begin);
     EXPECT_EQ(a.places, b.places);
+    EXPECT_EQ(a.place_count, b.place_count);
     for (std::size_t s = 0; s < a.sets.size(); ++s) {
       EXPECT_EQ(a.sets[s].numbers, b.sets[s].numbers);
       EXPECT_EQ(a.sets[s].owned, b.sets[s].owned);
