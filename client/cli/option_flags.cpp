@@ -20,6 +20,7 @@ std::string flag_of(const OptionOf<Of>& option) {
 }
 template std::string flag_of(const OptionInfo&);
 template std::string flag_of(const GeometryOption&);
+template std::string flag_of(const LayerOption&);
 
 namespace {
 
@@ -96,6 +97,20 @@ void add_numbers(const FieldFlag& flag) {
       ->allow_extra_args(false);
 }
 
+/// A flag for numbers with commas between them. It may be repeated.
+void add_lengths(const FieldFlag& flag) {
+  flag.command
+      .add_option_function<std::vector<double>>(
+          flag.name,
+          [flag](const std::vector<double>& values) {
+            for (const double value : values) flag.reflection().AddDouble(flag.options, &flag.field, value);
+          },
+          flag.help)
+      ->type_name("H,H,…")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+}
+
 /// A flag for a file with a target field. The file is read and checked when the flag is parsed.
 void add_target_field(const FieldFlag& flag) {
   flag.command
@@ -136,6 +151,7 @@ struct AddFlag {
   void operator()(bool Of::*member) const { Of().*member ? add_on_off(flag) : add_switch(flag, option.opposite); }
   void operator()(std::vector<std::string> Of::*) const { add_names(flag); }
   void operator()(std::vector<std::int64_t> Of::*) const { add_numbers(flag); }
+  void operator()(std::vector<double> Of::*) const { add_lengths(flag); }
   void operator()(const ChoiceOf<Of>&) const { add_enum(flag); }
   void operator()(TargetField Of::*) const { add_target_field(flag); }
 };
@@ -159,6 +175,7 @@ std::string help_text(const OptionOf<Of>& option) {
 }
 template std::string help_text(const OptionInfo&);
 template std::string help_text(const GeometryOption&);
+template std::string help_text(const LayerOption&);
 
 void add_options(Command command, v1::Options* options) {
   for (const OptionInfo& option : option_table()) add_one(command.app(), option, options)->group("Optimisation");
@@ -170,6 +187,11 @@ void add_geometry_options(Command command, v1::Geometry* geometry, bool has_slid
     const bool is_left_out = option.name == "order" || (option.name == "slide_on" && !has_slide_on);
     if (!is_left_out) add_one(command.app(), option, geometry)->group("Geometry");
   }
+}
+
+void add_layer_options(Command command, v1::Layers* layers, bool has_spacing) {
+  for (const LayerOption& option : layer_option_table())
+    if (has_spacing || option.name != "spacing") add_one(command.app(), option, layers)->group("Layers");
 }
 
 void require_curved_order(Command command) {

@@ -1,4 +1,4 @@
-// The options of an optimisation and of a geometry as flags, by the tables of the library
+// The options of an optimisation, of a geometry and of layers as flags, by the tables of the library
 // (core/options/option_table.h).
 #pragma once
 
@@ -28,5 +28,9 @@ void add_options(Command command, v1::Options* options);
 /// The same for a geometry.
 /// @param has_slide_on  whether the command does without a model, so that --slide-on has a meaning
 void add_geometry_options(Command command, v1::Geometry* geometry, bool has_slide_on);
+
+/// The same for layers.
+/// @param has_spacing  whether --layer-spacing is one of them
+void add_layer_options(Command command, v1::Layers* layers, bool has_spacing);
 
 }  // namespace varimesh::client

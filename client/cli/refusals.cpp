@@ -39,12 +39,15 @@ std::string placeholder(const CLI::Option& option) { return split(option.get_typ
 std::string number_wanted(const std::string& flag) {
   const auto wanted = [&]<class Of>(std::span<const OptionOf<Of>> table) -> std::string {
     for (const OptionOf<Of>& option : table)
-      if (is_number(option) && flag_of(option) == flag)
+      if (std::holds_alternative<std::vector<double> Of::*>(option.member) && flag_of(option) == flag)
+        return "numbers with commas between them";
+      else if (is_number(option) && flag_of(option) == flag)
         return (std::holds_alternative<int Of::*>(option.member) ? "a whole number: " : "a number: ") +
                std::string(option.values);
     return {};
   };
-  for (const std::string& text : {wanted(option_table()), wanted(geometry_option_table())})
+  for (const std::string& text :
+       {wanted(option_table()), wanted(geometry_option_table()), wanted(layer_option_table())})
     if (!text.empty()) return text;
   return "a number";
 }

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <set>
 
+#include "client/runs/layer_flags.h"
 #include "client/cli/names.h"
 #include "client/cli/option_flags.h"
 #include "client/commands/commands.h"
@@ -10,6 +11,7 @@
 #include "client/io/inputs.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/remote_job.h"
+#include "client/local/local.h"
 #include "client/process/exit_status.h"
 #include "core/base/utf8.h"
 
@@ -24,7 +26,10 @@ struct Arguments {
   std::vector<std::string> formats, labels;
   int priority = 0;
   v1::Options options;
+  LayerFlags layers;
 };
+
+void print_sentence(const std::string& sentence) { std::cerr << sentence << std::endl; }
 
 /// What all jobs have in common.
 Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
@@ -41,6 +46,18 @@ Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
   return spec;
 }
 
+/// Takes the layers from their flags. Errors: BadOption.
+Expected<void> take_layers(const Arguments& arguments, v1::JobSpec* spec) {
+  std::string sentence;
+  const auto wanted = layers_of(arguments.layers, spec->mutable_options(), &sentence);
+  if (!wanted) return {};
+  const auto layers = layer_options(*wanted);
+  if (!layers) return tl::unexpected(layers.error());
+  if (!sentence.empty()) print_sentence(sentence);
+  *spec->mutable_layers() = *wanted;
+  return check(*layers);
+}
+
 /// Several meshes are told apart by the names of their files: in the labels, and in the request ids.
 Expected<void> check_meshes(const Arguments& arguments) {
   if (arguments.meshes.size() == 1) return {};
@@ -54,8 +71,6 @@ Expected<void> check_meshes(const Arguments& arguments) {
                         ", so --request-id cannot tell them apart; submit them one by one, each with an id.");
   return {};
 }
-
-void print_sentence(const std::string& sentence) { std::cerr << sentence << std::endl; }
 
 /// Uploads a mesh, after its nodes have slid in this process if the server cannot do that.
 Outcome<v1::StoredMesh> upload_slid(Client& client, const Arguments& arguments, const Input& input) {
@@ -88,6 +103,7 @@ int submit(const Arguments& arguments) {
   if (const auto fine = check_meshes(arguments); !fine) return print_error(fine.error());
   auto spec = job_spec(arguments);
   if (!spec) return print_error(spec.error());
+  if (const auto fine = take_layers(arguments, &*spec); !fine) return print_error(fine.error());
   if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
   Input input = arguments.input;  // without what the jobs do
   const auto connection = connect(arguments.common);
@@ -96,6 +112,15 @@ int submit(const Arguments& arguments) {
   if (!geometry) return print_error(geometry.error());
   if (input.slides()) print_sentence("The server takes no geometries, so the boundary nodes slide in this process.");
   if (*geometry) *spec->mutable_geometry() = std::move(**geometry);
+  if (spec->has_layers()) {
+    const auto server = connection->client->info();
+    if (!server) return print_error(server.error());
+    if (!server->takes_layers())
+      return print_error(
+          bad_option("The server makes no layers, because it is older than they are. Split the result with 'varimesh "
+                     "layers'.")
+              .value());
+  }
   Json documents = Json::array();
   int status = kDone;
   for (const std::string& path : arguments.meshes) {
@@ -139,6 +164,7 @@ Action add_submit(Command program) {
   add_request_id_flag(command, &arguments->request_id);
   add_compress_flag(command, &arguments->common);
   add_options(command, &arguments->options);
+  add_layer_flags(command, &arguments->layers, false);
   return [arguments] { return submit(*arguments); };
 }
 

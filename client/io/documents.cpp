@@ -177,8 +177,32 @@ Json document(const v1::Metrics& metrics) {
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
   if (metrics.has_geometry()) result["geometry"] = geometry_document(metrics.geometry());
   if (metrics.slide_trials_size() > 0) result["slide_trials"] = trials_document(metrics);
+  if (metrics.has_layers()) {
+    result["layers"] = document(metrics.layers());
+    result["layers"]["thick"] = quality_document(metrics.layers().thick());
+  }
   if (metrics.has_left()) result["left"] = left_document(metrics.left());
   if (!metrics.kept_as_it_came().empty()) result["kept_as_it_came"] = metrics.kept_as_it_came();
+  return result;
+}
+
+Json document(const v1::LayersReport& layers) {
+  const auto range = [](const v1::LayersReport::Range& of) { return Json::array({of.least(), of.most()}); };
+  Json result = {{"wall_elements", layers.wall_elements()},
+                 {"columns", layers.columns()},
+                 {"layers", layers.layers()},
+                 {"leaves_cells", layers.leaves_cells()},
+                 {"split", layers.split()},
+                 {"split_beside", layers.split_beside()},
+                 {"elements_before", layers.elements_before()},
+                 {"elements_after", layers.elements_after()},
+                 {"first_height", range(layers.first_height())},
+                 {"last_height", range(layers.last_height())},
+                 {"growth", range(layers.growth())},
+                 {"same_shares", layers.same_shares()},
+                 {"stretched", layers.stretched()}};
+  if (layers.has_grown())
+    result.update({{"grown_thickness", range(layers.grown())}, {"full_share", layers.full_share()}});
   return result;
 }
 

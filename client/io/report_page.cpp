@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <sstream>
 
 #include "client/cli/names.h"
 #include "client/cli/option_flags.h"
@@ -220,6 +221,10 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   report.document = document(job.metrics());
   for (const std::string& text : {objective_text(job.metrics(), job.spec().options()), worse_text(job.metrics())})
     if (!text.empty()) report.document["aims"].push_back(text);
+  if (job.metrics().has_layers()) {
+    std::istringstream lines(layers_text(job.metrics().layers()));
+    for (std::string line; std::getline(lines, line);) report.document["layers_text"].push_back(line);
+  }
   for (const auto& [snapshot, quality] :
        {std::pair{"before", &job.metrics().before()}, std::pair{"after", &job.metrics().after()}})
     report.histograms[snapshot] = std::vector<std::int64_t>(quality->histogram().begin(), quality->histogram().end());

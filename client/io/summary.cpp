@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 #include "client/cli/names.h"
 #include "core/diagnosis/elements_text.h"
@@ -97,6 +99,40 @@ std::string loss_text(const v1::QualityReport& quality) {
   return quality.has_accuracy() ? fmt::format("{:.3g}", quality.accuracy().loss()) : "-";
 }
 
+/// The quality with which the run ended: that of the result, or before the result was split into layers.
+const v1::QualityReport& at_end_of_run(const v1::Metrics& metrics) {
+  return metrics.has_layers() ? metrics.layers().thick() : metrics.after();
+}
+
+/// A table of the quality before and after, and with layers if there are some.
+std::string figures(const v1::Metrics& metrics) {
+  std::vector<std::pair<std::string, const v1::QualityReport*>> columns{{"before", &metrics.before()},
+                                                                        {"after", &at_end_of_run(metrics)}};
+  if (metrics.has_layers()) columns.emplace_back("layers", &metrics.after());
+  const auto row = [&](const char* name, const auto& text_of) {
+    std::string line = fmt::format("{:<24}", name);
+    for (const auto& [heading, quality] : columns) line += fmt::format("  {:>10}", text_of(*quality));
+    return line + "\n";
+  };
+  const auto number = [](double value) { return fmt::format("{:.5f}", value); };
+  const std::string losses = row("loss of accuracy", loss_text);
+  const bool has_loss = metrics.after().has_accuracy();  // then it is the first figure
+  std::string heads = std::string(24, ' ');
+  for (const auto& [heading, quality] : columns) heads += fmt::format("  {:>10}", heading);
+  using Report = const v1::QualityReport&;
+  return heads + "\n" + (has_loss ? losses : "") +
+         row("smallest scaled Jacobian", [&](Report of) { return number(of.min_scaled_jacobian()); }) +
+         row("mean scaled Jacobian", [&](Report of) { return number(of.mean_scaled_jacobian()); }) +
+         row("smallest distortion", [&](Report of) { return number(of.min_distortion_jacobian()); }) +
+         row("invalid elements", [](Report of) { return of.invalid_elements(); }) +
+         row("certified valid", [](Report of) { return of.certified().valid(); }) +
+         row("certified invalid", [](Report of) { return of.certified().invalid(); }) +
+         row("undecided", [](Report of) { return of.certified().undecided(); }) +
+         row("proved scaled Jacobian",
+             [](Report of) { return bound_text(of.certified().min_scaled_jacobian_lower_bound()); }) +
+         (has_loss ? "" : losses);
+}
+
 /// What is left, and what to try next.
 std::string way_out(const v1::WhatIsLeft& left) {
   if (left.uncertified() == 0) return "";
@@ -105,10 +141,15 @@ std::string way_out(const v1::WhatIsLeft& left) {
   return text;
 }
 
+std::string range_text(const v1::LayersReport::Range& range) {
+  const bool is_one = range.most() <= range.least() * 1.0001;
+  return is_one ? fmt::format("{:.4g}", range.least()) : fmt::format("{:.4g} to {:.4g}", range.least(), range.most());
+}
+
 }  // namespace
 
 std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked) {
-  const v1::QualityReport &before = metrics.before(), &after = metrics.after();
+  const v1::QualityReport &before = metrics.before(), &after = at_end_of_run(metrics);
   switch (metrics.objective()) {
     case v1::OBJECTIVE_ACCURACY:
       return "objective: accuracy; loss of accuracy " + loss_text(before) + " -> " + loss_text(after);
@@ -124,7 +165,7 @@ std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked)
 
 std::string worse_text(const v1::Metrics& metrics) {
   constexpr double kSeen = 5e-5, kSeenOfLoss = 5e-3;  // a change that the figures show
-  const v1::QualityReport &before = metrics.before(), &after = metrics.after();
+  const v1::QualityReport &before = metrics.before(), &after = at_end_of_run(metrics);
   const bool loses = before.has_accuracy() && after.has_accuracy() &&
                      after.accuracy().loss() > (1 + kSeenOfLoss) * before.accuracy().loss();
   if (metrics.objective() != v1::OBJECTIVE_ACCURACY)
@@ -140,6 +181,30 @@ std::string worse_text(const v1::Metrics& metrics) {
   return "";
 }
 
+std::string layers_text(const v1::LayersReport& report) {
+  std::string text = fmt::format("layers     {} above {} wall elements, first height {}", report.layers(),
+                                 report.wall_elements(), range_text(report.first_height()));
+  if (report.layers() > 1)
+    text += fmt::format(", growth {}, highest {}", range_text(report.growth()), range_text(report.last_height()));
+  if (report.leaves_cells()) text += "; what was left of the thick cells is one more cell";
+  text += fmt::format("\nelements   {} before, {} after", report.elements_before(), report.elements_after());
+  if (report.split_beside() > 0)
+    text += fmt::format("; {} of the {} that were split lie beside the wall and were split so that the mesh conforms",
+                        report.split_beside(), report.split());
+  if (report.has_grown())
+    text += fmt::format("\ngrown      {} thick, {:.3g} % of the walls with all of it", range_text(report.grown()),
+                        100 * report.full_share());
+  if (report.same_shares())
+    text +=
+        "\nheights    are the same share of every thick element; with the same heights everywhere, elements would be "
+        "invalid";
+  if (report.stretched() > 0.01)
+    text += fmt::format(
+        "\nheights    differ by up to {:.2g} % from those asked for, because layers begin and end where rows do",
+        100 * report.stretched());
+  return text + "\n";
+}
+
 std::string way_out(const WhatIsLeft& left) {
   if (left.uncertified == 0) return "";
   std::string text = left.sentence + "\n";
@@ -149,35 +214,12 @@ std::string way_out(const WhatIsLeft& left) {
 
 std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
   const v1::MeshSummary& mesh = metrics.mesh();
-  const v1::QualityReport& before = metrics.before();
-  const v1::QualityReport& after = metrics.after();
   const std::string objective = objective_text(metrics, asked), worse = worse_text(metrics);
-  const std::string losses =
-      fmt::format("loss of accuracy          {:>10}  {:>10}\n", loss_text(before), loss_text(after));
-  const bool has_loss = after.has_accuracy();  // then it is the first figure
   return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
          fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
                      metrics.residual(), ending(metrics)) +
-         objective + (objective.empty() ? "" : "\n") +
-         fmt::format("                          {:>10}  {:>10}\n", "before", "after") + (has_loss ? losses : "") +
-         fmt::format("smallest scaled Jacobian  {:>10.5f}  {:>10.5f}\n", before.min_scaled_jacobian(),
-                     after.min_scaled_jacobian()) +
-         fmt::format("mean scaled Jacobian      {:>10.5f}  {:>10.5f}\n", before.mean_scaled_jacobian(),
-                     after.mean_scaled_jacobian()) +
-         fmt::format("smallest distortion       {:>10.5f}  {:>10.5f}\n", before.min_distortion_jacobian(),
-                     after.min_distortion_jacobian()) +
-         fmt::format("invalid elements          {:>10}  {:>10}\n", before.invalid_elements(),
-                     after.invalid_elements()) +
-         fmt::format("certified valid           {:>10}  {:>10}\n", before.certified().valid(),
-                     after.certified().valid()) +
-         fmt::format("certified invalid         {:>10}  {:>10}\n", before.certified().invalid(),
-                     after.certified().invalid()) +
-         fmt::format("undecided                 {:>10}  {:>10}\n", before.certified().undecided(),
-                     after.certified().undecided()) +
-         fmt::format("proved scaled Jacobian    {:>10}  {:>10}\n",
-                     bound_text(before.certified().min_scaled_jacobian_lower_bound()),
-                     bound_text(after.certified().min_scaled_jacobian_lower_bound())) +
-         (has_loss ? "" : losses) + worse + (worse.empty() ? "" : "\n") +
+         objective + (objective.empty() ? "" : "\n") + figures(metrics) + worse + (worse.empty() ? "" : "\n") +
+         (metrics.has_layers() ? layers_text(metrics.layers()) : "") +
          joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +

@@ -18,6 +18,9 @@ std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked)
 
 /// Why it is right that the mean scaled Jacobian fell or that the loss of accuracy rose; empty if neither did.
 std::string worse_text(const v1::Metrics& metrics);
+/// What came of layers, in lines: how many there are and how high, how many elements, and what differs from what was
+/// asked for.
+std::string layers_text(const v1::LayersReport& report);
 /// The elements that are not certified valid, and what to try next; empty if there are none.
 std::string way_out(const WhatIsLeft& left);
 /// The quality of a mesh, with its histogram and its first invalid elements.

@@ -4,6 +4,7 @@
 #include "core/base/machine_memory.h"
 #include "core/geometry/load.h"
 #include "server/engine/geometry_messages.h"
+#include "server/engine/layer_messages.h"
 #include "server/engine/option_messages.h"
 #include "server/isolation/worker_process.h"
 #include "server/log/log.h"
@@ -70,5 +71,13 @@ Expected<GeometryOptions> geometry_options(const v1::Geometry& geometry) {
   if (!options) return bad_option(options.error().sentence);
   return std::move(*options);
 }
+
+Expected<LayerOptions> layer_options(const v1::Layers& layers) {
+  auto options = server::options_from(layers);
+  if (!options) return bad_option(options.error().sentence);
+  return std::move(*options);
+}
+
+v1::LayersReport layers_message(const LayerSplitReport& report) { return server::to_proto(report); }
 
 }  // namespace varimesh::client

@@ -9,6 +9,7 @@
 
 #include "client/library/input_file.h"
 #include "core/base/error.h"
+#include "core/layers/split/split_layers.h"
 #include "core/options/geometry_options.h"
 #include "varimesh/v1/job.pb.h"
 
@@ -28,5 +29,9 @@ class LocalService {
 
 /// The options of the library for a geometry, for nodes that slide without a job. Errors: BadOption.
 Expected<GeometryOptions> geometry_options(const v1::Geometry& geometry);
+
+/// The same for layers that are made without a job, and what came of them as a message. Errors: BadOption.
+Expected<LayerOptions> layer_options(const v1::Layers& layers);
+v1::LayersReport layers_message(const LayerSplitReport& report);
 
 }  // namespace varimesh::client

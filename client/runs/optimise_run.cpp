@@ -12,6 +12,7 @@
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
+#include "client/local/local.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/runs/failed_surfaces.h"
@@ -45,10 +46,22 @@ Failure as_named(const OptimiseArguments& arguments, Failure failure) {
 v1::JobSpec spec_of(const OptimiseArguments& arguments, const std::vector<Output>& outputs) {
   v1::JobSpec spec;
   *spec.mutable_options() = arguments.options;
+  if (arguments.wanted_layers) *spec.mutable_layers() = *arguments.wanted_layers;
   add_file_label(arguments.name.empty() ? arguments.input.mesh : arguments.name, spec.mutable_labels());
   for (const v1::MeshFormat format : formats_with_report(formats_of(outputs), arguments.report))
     spec.add_outputs(format);
   return spec;
+}
+
+/// Takes the layers from their flags, and says which height follows from a Reynolds number.
+Expected<void> take_layers(OptimiseArguments* arguments) {
+  std::string sentence;
+  arguments->wanted_layers = layers_of(arguments->layers, &arguments->options, &sentence);
+  if (!arguments->wanted_layers) return {};
+  const auto layers = layer_options(*arguments->wanted_layers);
+  if (!layers) return tl::unexpected(layers.error());
+  if (!sentence.empty() && !arguments->common.quiet) std::cerr << sentence << std::endl;
+  return check(*layers);
 }
 
 /// Submits a job, and follows it. The error is the exit status; its message has been printed.
@@ -102,15 +115,18 @@ void say_fitting_orders(const OptimiseArguments& arguments, const v1::Job& ended
   if (!fitting.empty()) std::cerr << "varimesh: " << fitting << std::endl;
 }
 
-/// The connection of a run: to the service in this process if the server does not take the run's CAD model.
+/// The connection of a run: to the service in this process if the server does not take the run's CAD model or layers.
 tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
   auto connection = connect(arguments.common);
-  if (!connection || arguments.common.server.empty() || arguments.input.model.empty()) return connection;
+  const bool has_model = !arguments.input.model.empty(), has_layers = arguments.wanted_layers.has_value();
+  if (!connection || arguments.common.server.empty() || (!has_model && !has_layers)) return connection;
   const auto server = connection->client->info();
   if (!server) return tl::unexpected(print_error(server.error()));
-  if (server->takes_geometries()) return connection;
+  const bool takes_layers = !has_layers || server->takes_layers();
+  if (takes_layers && (!has_model || server->takes_geometries())) return connection;
   if (!arguments.common.quiet)
-    std::cerr << "The server takes no geometries, so the job runs in this process." << std::endl;
+    std::cerr << "The server " << (takes_layers ? "takes no geometries" : "makes no layers, because it is older")
+              << ", so the job runs in this process." << std::endl;
   arguments.common.server.clear();
   return connect(arguments.common);
 }
@@ -134,6 +150,9 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
     auto file = read_moved(sent);
     if (!file) return print_error(as_named(arguments, file.error()));
     if (is_surface(file->mesh) && !lies_in_a_plane(file->mesh)) {
+      if (arguments.wanted_layers)
+        return print_error({Error::Kind::BadInput,
+                            "The mesh is a surface in space. Layers can be made in meshes of the plane and of space."});
       const auto slid = slide_here(sent, arguments.options, file->mesh, print_sentence);
       if (!slid) return print_error(as_named(arguments, slid.error()));
       return deliver_surface(arguments.common, asks_for_job, *outputs, *file, arguments.options.threads());
@@ -160,7 +179,8 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
 
 }  // namespace
 
-int optimise(const OptimiseArguments& arguments) {
+int optimise(OptimiseArguments arguments) {
+  if (const auto fine = take_layers(&arguments); !fine) return print_error(fine.error());
   v1::GeometryReport geometry;
   return run(arguments, &geometry);
 }
@@ -181,9 +201,12 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
   add_json_flag(command, &arguments->common);
   add_quiet_flag(command, &arguments->common);
   add_options(command, &arguments->options);
+  add_layer_flags(command, &arguments->layers, false);
 }
 
 int check_curve(OptimiseArguments arguments) {
+  arguments.common.quiet = true;  // curve() says it
+  if (const auto fine = take_layers(&arguments); !fine) return print_error(fine.error());
   take_order(&arguments);
   if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
   const auto outputs = check_files(arguments);
@@ -191,6 +214,7 @@ int check_curve(OptimiseArguments arguments) {
 }
 
 int curve(OptimiseArguments arguments) {
+  if (const auto fine = take_layers(&arguments); !fine) return print_error(fine.error());
   take_order(&arguments);
   v1::GeometryReport geometry;
   const int status = run(arguments, &geometry);

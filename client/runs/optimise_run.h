@@ -1,10 +1,12 @@
 // What the commands optimise, curve and mesh share: they run one job on a mesh and deliver its result.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "client/cli/common_flags.h"
+#include "client/runs/layer_flags.h"
 #include "client/io/inputs.h"
 
 namespace varimesh::client {
@@ -16,13 +18,15 @@ struct OptimiseArguments {
   std::vector<std::string> outputs;
   std::string format, history, report, request_id;
   v1::Options options;
+  LayerFlags layers;
+  std::optional<v1::Layers> wanted_layers;  ///< From the flags; set by optimise() and curve().
 };
 
 /// Adds all flags except those of the input.
 void add_run_flags(Command command, OptimiseArguments* arguments);
 
 /// Runs the job and returns the exit status.
-int optimise(const OptimiseArguments& arguments);
+int optimise(OptimiseArguments arguments);
 
 /// Makes a curved mesh from a straight one and its geometry: the same with the order in `options` as that of the curved
 /// mesh. If elements are not certified valid at the end, it says on which surfaces they lie.

@@ -79,7 +79,7 @@ Expected<void> take_node_order(HighOrderMesh& mesh, Format read_as, std::string_
 }
 
 std::vector<std::string> fitting_node_orders(const HighOrderMesh& mesh, Format read_as) {
-  if (!is_msh(read_as)) return {};
+  if (!is_msh(read_as) || check_structure(mesh)) return {};
   std::vector<std::string> fitting;
   for (const NodeOrder order : kOrders) {
     if (order == NodeOrder::Gmsh || !has_order(mesh, order)) continue;

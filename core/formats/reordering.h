@@ -16,8 +16,7 @@ namespace varimesh::formats {
 /// if the mesh does not come from an MSH file, whose readers know the order.
 Expected<void> take_node_order(HighOrderMesh& mesh, Format read_as, std::string_view name);
 
-/// The names of the orders of nodes in which the elements of a mesh fit together, after check_structure() has found
-/// that they do not in Gmsh's order.
+/// The names of the orders of nodes in which the elements of a mesh fit together. Empty if they do in Gmsh's order.
 std::vector<std::string> fitting_node_orders(const HighOrderMesh& mesh, Format read_as);
 
 }  // namespace varimesh::formats

@@ -174,9 +174,49 @@ const std::array kGeometryTable{
                    {.least = 1},
                    "a number, 1 or more",
                    "With the repair refine: how many times as many elements the mesh may have if edges on the boundary "
-                   "are split"},
+                   "are split",
+                   {},
+                   "refine_growth"},
     GeometryOption{"order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
                    "The order with which a mesh of order 1 is first curved on the model; 0: it is curved already"},
+};
+
+const std::array kLayerTable{
+    LayerOption{
+        "walls",
+        &LayerOptions::walls,
+        {},
+        {},
+        "Split the cells above this group of boundary elements, by name or by tag, into layers; may be repeated",
+        {},
+        "wall"},
+    LayerOption{"layers", &LayerOptions::layers, upto(kMostLayers), "1 to 1000, or 0 if the heights give it",
+                "Number of layers"},
+    LayerOption{"first", &LayerOptions::first, kNotNegative, "a length, or 0 if the other numbers give it",
+                "Height of the layer at the wall, in the mesh's unit of length"},
+    LayerOption{"growth", &LayerOptions::growth, upto(10), "1 to 10, or 0 if the other numbers give it",
+                "Height of each layer over the height of the one below"},
+    LayerOption{"heights",
+                &LayerOptions::heights,
+                {},
+                {},
+                "Heights of all layers from the wall, with commas, instead of the number, first height and growth"},
+    LayerOption{"rows",
+                &LayerOptions::rows,
+                {.least = 1, .most = 1000},
+                "1 to 1000",
+                "How many rows of cells above the wall are split"},
+    LayerOption{"spacing",
+                choice_of<LayerOptions, LayerSpacing, &LayerOptions::spacing>(kLayerSpacing),
+                {},
+                {},
+                "How nodes are spaced across the new layers: graded as the layers grow, or even",
+                {},
+                "layer_spacing"},
+    LayerOption{"grow", &LayerOptions::grow, kNotNegative, "a length, or 0 if the walls have thick cells",
+                "First grow a row of thick cells on the walls, of this thickness in the mesh's unit of length"},
+    LayerOption{
+        "simplices", &LayerOptions::simplices, {}, {}, "Cut all elements of the result into triangles or tetrahedra"},
 };
 
 // The options that only matter on the way to the energy's optimum.
@@ -199,6 +239,7 @@ bool OptionRange::contains(double value) const {
 
 std::span<const OptionInfo> option_table() { return kTable; }
 std::span<const GeometryOption> geometry_option_table() { return kGeometryTable; }
+std::span<const LayerOption> layer_option_table() { return kLayerTable; }
 
 bool is_of_energy(const OptionInfo& option) { return std::ranges::find(kOfEnergy, option.name) != std::end(kOfEnergy); }
 
@@ -247,9 +288,12 @@ double number_of(const OptionOf<Of>& option, const Of& options) {
 
 template bool is_number(const OptionInfo&);
 template bool is_number(const GeometryOption&);
+template bool is_number(const LayerOption&);
 template std::string default_text(const OptionInfo&);
 template std::string default_text(const GeometryOption&);
+template std::string default_text(const LayerOption&);
 template double number_of(const OptionInfo&, const Options&);
 template double number_of(const GeometryOption&, const GeometryOptions&);
+template double number_of(const LayerOption&, const LayerOptions&);
 
 }  // namespace varimesh

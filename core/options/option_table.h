@@ -1,9 +1,11 @@
-// The options of an optimisation, and those of a geometry, in tables: name, type, range, default, one sentence of help.
+// The options of an optimisation, of a geometry and of layers, in tables: name, type, range, default, one sentence of
+// help.
 //
 // check() takes the ranges from this table. The server uses it to convert varimesh.v1.Options, and the command makes
 // its flags and their help from it. Tests compare the contract, docs/options.md and the Python keywords with it. A new
 // option needs a field in Options, one line in this table, a field of the same name in varimesh.v1.Options, and the
-// code that uses it. The same holds for GeometryOptions and varimesh.v1.Geometry.
+// code that uses it. The same holds for GeometryOptions and varimesh.v1.Geometry, and for LayerOptions and
+// varimesh.v1.Layers.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +17,7 @@
 #include <vector>
 
 #include "core/options/geometry_options.h"
+#include "core/options/layer_options.h"
 #include "core/options/options.h"
 
 namespace varimesh {
@@ -29,10 +32,11 @@ struct ChoiceOf {
 };
 
 /// The field of `Of` that holds the value. It determines the type of the option: a number, a whole number, on or off,
-/// names, node numbers, one of several words, or a field that is read from a file.
+/// names, node numbers, several numbers, one of several words, or a field that is read from a file.
 template <class Of>
-using MemberOf = std::variant<double Of::*, int Of::*, bool Of::*, std::vector<std::string> Of::*,
-                              std::vector<std::int64_t> Of::*, ChoiceOf<Of>, TargetField Of::*>;
+using MemberOf =
+    std::variant<double Of::*, int Of::*, bool Of::*, std::vector<std::string> Of::*, std::vector<std::int64_t> Of::*,
+                 std::vector<double> Of::*, ChoiceOf<Of>, TargetField Of::*>;
 
 /// The values that a number may have. NaN and infinity are always refused.
 struct OptionRange {
@@ -61,11 +65,14 @@ using ChoiceMember = ChoiceOf<Options>;
 using OptionMember = MemberOf<Options>;
 using OptionInfo = OptionOf<Options>;
 using GeometryOption = OptionOf<GeometryOptions>;
+using LayerOption = OptionOf<LayerOptions>;
 
 /// All options, in the order of the help and of the documentation.
 std::span<const OptionInfo> option_table();
 /// The same for a geometry.
 std::span<const GeometryOption> geometry_option_table();
+/// The same for layers.
+std::span<const LayerOption> layer_option_table();
 
 /// The default as a user would write it, such as "1e-6", "on" or "straight-sided"; empty for a list, a field or an
 /// option with an opposite, whose help says it.

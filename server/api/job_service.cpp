@@ -207,6 +207,7 @@ grpc::ServerUnaryReactor* JobService::info(Call* call, const Request* bytes, v1:
     for (int energy = v1::ENERGY_HYPERELASTIC; v1::Energy_IsValid(energy); ++energy)
       response->add_energies(static_cast<v1::Energy>(energy));
     response->set_takes_geometries(api_.scheduler.takes_geometries());
+    response->set_takes_layers(true);
     if (!view.caller().rights.contains(kRead)) return grpc::Status::OK;
     *response->mutable_start_time() = timestamp(api_.start_time);
     const auto counts = api_.scheduler.counts();

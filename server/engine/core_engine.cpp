@@ -15,10 +15,12 @@
 #include "core/formats/reading_notes.h"
 #include "core/formats/usual_memory.h"
 #include "core/geometry/load.h"
+#include "core/layers/grow/grow_layer.h"
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/mesh/loose_parts.h"
 #include "core/mesh/plane.h"
+#include "core/optimise/layers/split_result.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/on_geometry/optimise_on_geometry.h"
@@ -26,8 +28,10 @@
 #include "core/quality/certified_quality.h"
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
+#include "server/engine/layer_messages.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/most_threads.h"
+#include "server/engine/option_messages.h"
 #include "server/engine/output_check.h"
 #include "server/engine/translate.h"
 
@@ -236,6 +240,46 @@ Expected<Result> optimise_sliding(HighOrderMesh mesh, const GeometryOptions& geo
   return std::move(done->result);
 }
 
+/// The layers that the request asks for; nothing if it asks for none.
+Expected<std::optional<LayerOptions>> layers_of(const RunRequest& request) {
+  if (!request.layers) return std::optional<LayerOptions>();
+  auto options = options_from(*request.layers);
+  if (!options) return bad_option(options.error().sentence);
+  return std::optional(std::move(*options));
+}
+
+/// Grows thick cells on the walls, if that is wanted. `metrics` gets what came of it.
+Expected<void> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOptions>& layers, int threads,
+                                const RunHooks& hooks, v1::Metrics& metrics) {
+  if (!layers || layers->grow == 0) return {};
+  const Team team(threads);
+  auto grown = grow_layer(mesh, layers->walls, layers->grow, team);
+  if (!grown) return tl::unexpected(grown.error());
+  if (hooks.on_note) hooks.on_note(grown->sentence);
+  metrics.mutable_layers()->mutable_grown()->set_least(grown->thickness[0]);
+  metrics.mutable_layers()->mutable_grown()->set_most(grown->thickness[1]);
+  metrics.mutable_layers()->set_full_share(grown->full_share);
+  auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
+  if (!checked) return tl::unexpected(checked.error());
+  mesh = std::move(*checked);
+  return {};
+}
+
+/// Splits thick cells of the result into layers, if that is wanted. `metrics` gets what came of it.
+Expected<void> make_layers(Result& result, const std::optional<LayerOptions>& layers, int threads,
+                           const RunHooks& hooks, v1::Metrics& metrics) {
+  if (!layers) return {};
+  if (result.stopped) {
+    if (hooks.on_note) hooks.on_note("The run was stopped, so the cells at the walls are not split into layers.");
+    return {};
+  }
+  const auto made = split_result(result, *layers, threads);
+  if (!made) return tl::unexpected(made.error());
+  metrics.mutable_layers()->MergeFrom(to_proto(made->report));
+  *metrics.mutable_layers()->mutable_thick() = to_proto(made->thick);
+  return {};
+}
+
 /// Says what does not hang together in a mesh that is to be optimised or judged.
 void note_loose_parts(const CheckedMesh& of, int threads, const RunHooks& hooks) {
   if (!hooks.on_note || of.facets.first.empty()) return;
@@ -245,9 +289,26 @@ void note_loose_parts(const CheckedMesh& of, int threads, const RunHooks& hooks)
   for (const std::string& sentence : sentences) hooks.on_note(sentence);
 }
 
+/// The bytes that a run has in use at most. Errors: BadOption, BadInput if it cannot have its layers.
+/// @param order  of the result; 0: that of the mesh
+Expected<std::int64_t> memory_of_run(const CheckedMesh& checked, const RunRequest& request,
+                                     const std::optional<GeometryOptions>& geometry,
+                                     const std::optional<LayerOptions>& layers, int order) {
+  const HighOrderMesh& mesh = checked.mesh;
+  std::int64_t memory =
+      geometry ? memory_needed_on_geometry(mesh, request.options, *geometry) : memory_needed(mesh, request.options);
+  if (request.quality) memory += memory_of_lattice(mesh, request.quality->lattice());
+  if (request.model) memory += request.model->memory();
+  if (!layers) return memory;
+  const auto more = memory_of_layers(checked, *layers, memory, order, Team(request.options.threads));
+  return more ? memory + *more : more;
+}
+
 Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const auto geometry = geometry_of(request);
   if (!geometry) return tl::unexpected(geometry.error());
+  const auto layers = layers_of(request);
+  if (!layers) return tl::unexpected(layers.error());
   if (request.quality) request.options = judging_options(request.options);
   auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
@@ -271,31 +332,33 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const auto outputs = definite_outputs(request.outputs, read_as);
   if (const auto have = check_outputs_can_hold(mesh, in_the_end.order, outputs, request.options.threads); !have)
     return tl::unexpected(have.error());
-  std::int64_t memory =
-      *geometry ? memory_needed_on_geometry(mesh, request.options, **geometry) : memory_needed(mesh, request.options);
-  if (request.quality) memory += memory_of_lattice(mesh, request.quality->lattice());
-  if (request.model) memory += request.model->memory();
-  const Expected<bool> admitted = hooks.admit ? hooks.admit(memory) : Expected<bool>(true);
+  const auto memory = memory_of_run(*checked, request, *geometry, *layers, in_the_end.order);
+  if (!memory) return tl::unexpected(memory.error());
+  const Expected<bool> admitted = hooks.admit ? hooks.admit(*memory) : Expected<bool>(true);
   if (!admitted) return tl::unexpected(admitted.error());
   if (!*admitted || (hooks.given_up && hooks.given_up())) return RunOutcome(stopped_early());
+  v1::Metrics of_job;  // what the library's run knows nothing of
+  if (const auto grown = grow_thick_cells(*checked, *layers, request.options.threads, hooks, of_job); !grown)
+    return tl::unexpected(grown.error());
   note_straight_boundary(mesh, request, hooks);
   const int most = most_threads(pairs_of_nodes(mesh, in_the_end), kPairsPerThread);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
   request.options.threads = std::min(request.options.threads, most);
   if (*geometry && checked->plane) checked->plane->put_back(mesh);  // the geometry is in space
-  v1::Metrics of_geometry;
   auto result = request.quality ? judge(std::move(*checked), *request.quality, request.options, hooks)
                 : *geometry     ? optimise_sliding(std::move(checked->mesh), **geometry, request.model.get(),
-                                                   request.options, control, hooks, of_geometry)
+                                                   request.options, control, hooks, of_job)
                                 : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
+  if (const auto made = make_layers(*result, *layers, request.options.threads, hooks, of_job); !made)
+    return tl::unexpected(made.error());
   const bool wanted = !(result->stopped && hooks.given_up());
   if (wanted)
     if (const auto written = write_outputs(*result, request, read_as, hooks); !written)
       return tl::unexpected(written.error());
   RunOutcome outcome(static_cast<const RunSummary&>(*result));
-  outcome.metrics.MergeFrom(of_geometry);
+  outcome.metrics.MergeFrom(of_job);
   return outcome;
 }
 

@@ -58,6 +58,11 @@ struct FromMessage {
     (options.*member).assign(values.begin(), values.end());
     return true;
   }
+  bool operator()(std::vector<double> Of::*member) const {
+    const auto values = reflection.template GetRepeatedFieldRef<double>(message, &field);
+    (options.*member).assign(values.begin(), values.end());
+    return true;
+  }
   bool operator()(const ChoiceOf<Of>& member) const {
     const int value = reflection.GetEnumValue(message, &field);
     if (value < 0 || value > static_cast<int>(member.words.size())) return false;
@@ -110,6 +115,9 @@ struct ToMessage {
   void operator()(std::vector<std::int64_t> Options::*member) const {
     for (const std::int64_t value : options.*member) reflection.AddInt64(&message, &field, value);
   }
+  void operator()(std::vector<double> Options::*member) const {
+    for (const double value : options.*member) reflection.AddDouble(&message, &field, value);
+  }
   void operator()(const ChoiceMember& member) const {
     reflection.SetEnumValue(&message, &field, member.get(options) + 1);
   }
@@ -140,6 +148,8 @@ Answer<Options> options_from(const v1::Options& message) {
 }
 
 Answer<GeometryOptions> options_from(const v1::Geometry& message) { return read_all(geometry_option_table(), message); }
+
+Answer<LayerOptions> options_from(const v1::Layers& message) { return read_all(layer_option_table(), message); }
 
 v1::Options to_proto(const Options& options) {
   v1::Options message;

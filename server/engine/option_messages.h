@@ -1,8 +1,9 @@
-// Options of an optimisation and of a geometry: between the library's structs and the messages of the contract, by the
-// library's tables of options.
+// Options of an optimisation, of a geometry and of layers: between the library's structs and the messages of the
+// contract, by the library's tables of options.
 #pragma once
 
 #include "core/options/geometry_options.h"
+#include "core/options/layer_options.h"
 #include "core/options/options.h"
 #include "server/failure.h"
 #include "varimesh/v1/job.pb.h"
@@ -14,6 +15,8 @@ namespace varimesh::server {
 Answer<Options> options_from(const v1::Options& message);
 /// The same for a geometry. The digest is left out.
 Answer<GeometryOptions> options_from(const v1::Geometry& message);
+/// The same for layers.
+Answer<LayerOptions> options_from(const v1::Layers& message);
 
 /// The message with every field set, defaults included.
 v1::Options to_proto(const Options& options);

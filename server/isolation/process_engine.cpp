@@ -87,6 +87,7 @@ class Conversation {
     for (const v1::MeshFormat output : request_.outputs) request.add_outputs(output);
     if (request_.quality) *request.mutable_quality() = *request_.quality;
     if (request_.geometry) *request.mutable_geometry() = *request_.geometry;
+    if (request_.layers) *request.mutable_layers() = *request_.layers;
     request.set_mesh_bytes(mesh_bytes_);
     request.set_checkpoint_bytes(checkpoint_bytes_);
     request.set_has_hdf5(formats::has_hdf5());
@@ -371,7 +372,6 @@ class Conversation {
 }  // namespace
 
 std::string find_worker() { return find_helper("varimesh_worker", "VARIMESH_WORKER"); }
-
 std::string find_cad_plugin() { return geometry::plugin_path(); }
 
 Engine process_engine(ProcessEngineSettings settings) {

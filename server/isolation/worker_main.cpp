@@ -265,6 +265,7 @@ RunRequest request_from(const worker::Request& message) {
   for (const int format : message.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   if (message.has_quality()) request.quality = message.quality();
   if (message.has_geometry()) request.geometry = message.geometry();
+  if (message.has_layers()) request.layers = message.layers();
   return request;
 }
 

@@ -193,6 +193,7 @@ RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input,
   request.options.threads = attempt.threads.now();
   if (spec.has_quality()) request.quality = spec.quality();
   if (spec.has_geometry()) request.geometry = spec.geometry();
+  if (spec.has_layers()) request.layers = spec.layers();
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   return request;
 }

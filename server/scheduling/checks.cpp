@@ -54,9 +54,19 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec, bool is_admin) {
   if (const auto accepted = engine_.check_options(*options); !accepted)
     return invalid_option(accepted.error().sentence);
   if (const auto accepted = check_geometry(spec, *options); !accepted) return accepted;
+  if (const auto accepted = check_layers(spec); !accepted) return accepted;
   for (const std::string& digest : inputs_of(spec))
     if (!meshes_->touch(digest)) return mesh_missing(digest);
   return check_memory(spec.mesh().digest());
+}
+
+Answer<void> Scheduler::check_layers(const v1::JobSpec& spec) {
+  if (!spec.has_layers()) return {};
+  if (spec.has_quality()) return bad_request("A job that judges a mesh changes nothing, so it can have no layers.");
+  const auto layers = options_from(spec.layers());
+  if (!layers) return tl::unexpected(layers.error());
+  if (const auto accepted = varimesh::check(*layers); !accepted) return invalid_option(accepted.error().sentence);
+  return {};
 }
 
 bool Scheduler::takes_geometries() const {

@@ -126,6 +126,7 @@ class Scheduler {
   /// Refuses a stored mesh that takes more memory than all jobs have together.
   Answer<void> check_memory(const std::string& digest);
   Answer<void> check_geometry(const v1::JobSpec& spec, const Options& options);
+  static Answer<void> check_layers(const v1::JobSpec& spec);
   /// Changes a job in the store and adds the events to its log. `change` gets the last event number in use.
   Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);
   void release(const std::vector<std::string>& digests);

@@ -1,23 +1,22 @@
 // varimesh layers: splits thick cells at a wall into thin layers, in this process.
-#include <charconv>
-#include <cmath>
 #include <iostream>
-#include <sstream>
 
 #include "client/cli/common_flags.h"
+#include "client/runs/layer_flags.h"
 #include "client/commands/commands.h"
 #include "client/io/documents.h"
 #include "client/io/inputs.h"
 #include "client/io/outputs.h"
 #include "client/io/report_page.h"
 #include "client/io/summary.h"
+#include "client/local/local.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
+#include "core/layers/grow/grow_layer.h"
 #include "core/layers/split/split_layers.h"
-#include "core/mesh/changes/to_simplices.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
@@ -27,35 +26,11 @@ namespace {
 
 struct Arguments {
   CommonFlags common;
-  std::string input, output, report, heights, spacing;
+  std::string input, output, report;
   Repairs repairs;
-  LayerSplit split;
+  LayerFlags layers;
   int threads = 0;
-  bool simplices = false;
-  double reynolds = 0, length = 0, y_plus = 1;
 };
-
-/// The height at which y⁺ has this value in the turbulent layer on a flat plate, with the skin friction
-/// C_f = 0.026 Re^(−1/7) (F. M. White, Viscous Fluid Flow).
-/// @param length  the distance from the beginning of the plate, to which the Reynolds number belongs
-double height_at(double y_plus, double reynolds, double length) {
-  const double friction = 0.026 * std::pow(reynolds, -1.0 / 7);
-  return y_plus * length / (reynolds * std::sqrt(friction / 2));
-}
-
-/// The numbers of a list such as "1e-5,2e-5". Errors: BadOption.
-Expected<std::vector<double>> heights_of(const std::string& text) {
-  std::vector<double> heights;
-  std::istringstream words(text);
-  for (std::string word; std::getline(words, word, ',');) {
-    double height = 0;
-    const auto [end, fault] = std::from_chars(word.data(), word.data() + word.size(), height);
-    if (fault != std::errc() || end != word.data() + word.size())
-      return bad_option("--heights has '" + word + "', which is no number. Give heights such as 1e-5,2e-5,4e-5.");
-    heights.push_back(height);
-  }
-  return heights;
-}
 
 Expected<formats::Format> check_files(const Arguments& arguments, formats::Format of_input) {
   const auto format = formats::for_output(arguments.output, formats::Format::Auto, of_input);
@@ -66,55 +41,8 @@ Expected<formats::Format> check_files(const Arguments& arguments, formats::Forma
   return distinct ? format : tl::unexpected(distinct.error());
 }
 
-std::string range_text(const std::array<double, 2>& range) {
-  std::ostringstream text;
-  text.precision(4);
-  text << range[0];
-  if (range[1] > range[0] * 1.0001) text << " to " << range[1];
-  return text.str();
-}
-
-std::string text_of(const LayerSplitReport& report) {
-  std::ostringstream text;
-  text << "layers     " << report.layers << " above " << report.wall_elements << " wall elements, first height "
-       << range_text(report.first);
-  if (report.layers > 1) text << ", growth " << range_text(report.growth) << ", highest " << range_text(report.last);
-  if (report.leaves_cells) text << "; what was left of the thick cells is one more cell";
-  text << "\nelements   " << report.cells_before << " before, " << report.cells_after << " after";
-  if (report.beside > 0)
-    text << "; " << report.beside << " of the " << report.split
-         << " that were split lie beside the wall and were split so that the mesh conforms";
-  if (report.same_shares)
-    text << "\nheights    are the same share of every thick element; with the same heights everywhere, elements would "
-            "be "
-            "invalid";
-  if (report.stretched > 0.01) {
-    text.precision(2);
-    text << "\nheights    differ by up to " << 100 * report.stretched
-         << " % from those asked for, because layers begin and end where rows do";
-  }
-  return text.str() + "\n";
-}
-
-Json document_of(const LayerSplitReport& report) {
-  return {{"wall_elements", report.wall_elements},
-          {"columns", report.columns},
-          {"layers", report.layers},
-          {"leaves_cells", report.leaves_cells},
-          {"split", report.split},
-          {"split_beside", report.beside},
-          {"elements_before", report.cells_before},
-          {"elements_after", report.cells_after},
-          {"first_height", report.first},
-          {"last_height", report.last},
-          {"growth", report.growth},
-          {"same_shares", report.same_shares},
-          {"stretched", report.stretched}};
-}
-
 /// Writes the mesh, the report page, and what is printed. Returns the exit status.
-int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format format,
-            const LayerSplitReport& split) {
+int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format format, const v1::LayersReport& made) {
   Options options;
   options.threads = arguments.threads;
   const auto mesh = summarise(file.mesh, options);
@@ -130,11 +58,11 @@ int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format
     return print_error(written.error());
   if (arguments.common.json) {
     Json whole = document(*mesh, found, {}, left);
-    whole["layers"] = document_of(split);
+    whole["layers"] = document(made);
     print(whole);
   } else {
     std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
-    out << text_of(split) << summary(*mesh, found);
+    out << layers_text(made) << summary(*mesh, found);
   }
   if (!arguments.report.empty())
     if (const auto written =
@@ -148,20 +76,29 @@ int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format
   return print_uncertified(found.certified.invalid, found.certified.undecided);
 }
 
+/// Grows thick cells on the walls, if that is wanted.
+Expected<void> grow(CheckedMesh& mesh, const LayerOptions& wanted, const Team& team, v1::LayersReport& report) {
+  if (wanted.grow == 0) return {};
+  auto grown = grow_layer(mesh, wanted.walls, wanted.grow, team);
+  if (!grown) return tl::unexpected(grown.error());
+  std::cerr << "varimesh: " << grown->sentence << "\n";
+  report.mutable_grown()->set_least(grown->thickness[0]);
+  report.mutable_grown()->set_most(grown->thickness[1]);
+  report.set_full_share(grown->full_share);
+  auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
+  if (!checked) return tl::unexpected(checked.error());
+  mesh = std::move(*checked);
+  return {};
+}
+
 int layers(Arguments arguments) {
   end_at_first_interrupt();
-  if (!arguments.heights.empty()) {
-    auto heights = heights_of(arguments.heights);
-    if (!heights) return print_error(heights.error());
-    arguments.split.heights.heights = std::move(*heights);
-  }
-  if (arguments.reynolds != 0) {
-    arguments.split.heights.first = height_at(arguments.y_plus, arguments.reynolds, arguments.length);
-    std::cerr << "varimesh: y+ is " << arguments.y_plus << " at the height " << arguments.split.heights.first
-              << ", which is that of the first layer\n";
-  }
-  if (const auto checked = check(arguments.split.heights); !checked) return print_error(checked.error());
-  if (arguments.spacing == "even") arguments.split.spacing = LayerSpacing::Even;
+  std::string sentence;
+  const auto asked = layers_of(arguments.layers, &sentence);
+  if (!sentence.empty()) std::cerr << "varimesh: " << sentence << "\n";
+  const auto wanted = layer_options(*asked);
+  if (!wanted) return print_error(wanted.error());
+  if (const auto checked = check(*wanted); !checked) return print_error(checked.error());
   if (const auto checked = check_files(arguments, formats::Format::Auto); !checked) return print_error(checked.error());
   auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
   if (!file) return print_error(file.error());
@@ -171,17 +108,15 @@ int layers(Arguments arguments) {
   const auto format = check_files(arguments, file->format);
   if (!format) return print_error(format.error());
   const Team team(arguments.threads);
-  const auto checked = check_mesh(file->mesh, CheckFor::Optimising, team);
+  auto checked = check_mesh(file->mesh, CheckFor::Optimising, team);
   if (!checked) return print_error(with_fitting_orders(checked.error(), *file));
-  auto split = split_layers(*checked, arguments.split, team);
+  auto grown = v1::LayersReport();
+  if (const auto done = grow(*checked, *wanted, team, grown); !done) return print_error(done.error());
+  auto split = split_layers(*checked, *wanted, team);
   if (!split) return print_error(split.error());
   file->mesh = std::move(split->mesh);
-  if (arguments.simplices) {
-    auto cut = to_simplices(file->mesh);
-    if (!cut) return print_error(cut.error());
-    file->mesh = std::move(*cut);
-  }
-  return deliver(arguments, *file, *format, split->report);
+  grown.MergeFrom(layers_message(split->report));
+  return deliver(arguments, *file, *format, grown);
 }
 
 }  // namespace
@@ -191,39 +126,8 @@ Action add_layers(Command program) {
   Command command = program.add_command("layers", "Split thick cells at a wall into thin boundary layers");
   command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
   command.add("-o,--output", &arguments->output, "The file to write").required().value("OUT");
-  command.add("--wall", &arguments->split.walls, "A group of boundary elements, by name or tag; may be repeated")
-      .required()
-      .one_value_each()
-      .value("GROUP");
-  command.add("--layers", &arguments->split.heights.layers, "Number of layers").from(1, kMostLayers);
-  command
-      .add("--first", &arguments->split.heights.first, "Height of the layer at the wall, in the mesh's unit of length")
-      .positive();
-  command.add("--growth", &arguments->split.heights.growth, "Height of each layer over the height of the one below")
-      .from(1.0, 10.0);
-  command
-      .add("--reynolds", &arguments->reynolds, "Instead of --first: the Reynolds number of --length, on a flat plate")
-      .positive()
-      .excludes("--first")
-      .value("RE");
-  command.add("--length", &arguments->length, "The distance from the beginning of the plate, in the mesh's unit")
-      .positive()
-      .needs("--reynolds")
-      .value("L");
-  command["--reynolds"].needs("--length");
-  command.add("--y-plus", &arguments->y_plus, "The y+ of the first layer with --reynolds; default: 1")
-      .positive()
-      .needs("--reynolds");
-  command
-      .add("--heights", &arguments->heights, "Heights of all layers from the wall, with commas, instead of the above")
-      .value("LIST");
-  command.add("--rows", &arguments->split.rows, "How many rows of cells above the wall to split; default: 1")
-      .from(1, 1000);
-  command
-      .add("--layer-spacing", &arguments->spacing,
-           "Spacing of nodes across a layer: graded as the layers grow (default), or even")
-      .one_of({"graded", "even"});
-  command.add("--simplices", &arguments->simplices, "Cut all elements of the result into triangles or tetrahedra");
+  add_layer_flags(command, &arguments->layers, true);
+  command["--wall"].required();
   command.add("--threads", &arguments->threads, "Number of threads; 0: all").from(0, 4096);
   add_repair_flags(command, &arguments->repairs);
   add_report_flag(command, &arguments->report);

@@ -31,7 +31,7 @@ from .errors import (
 from .job import Job, Result
 from .local import LocalClient, local
 from .mesh import Block, Mesh
-from .options import Geometry, Options, TargetField
+from .options import Geometry, Layers, LayersReport, Options, TargetField
 from .progress import Progress
 from .reports import (
     CellQuality,
@@ -55,7 +55,7 @@ from .version import __version__
 
 __all__ = [
     "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Geometry", "GeometryReport", "Iteration", "Job",
-    "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
+    "JobCancelled", "JobFailed", "Layers", "LayersReport", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
     "Remedy", "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "SlideTrial", "Stopped", "SurfaceDistance", "TargetField", "Unrepairable", "VarimeshError",
     "WhatIsLeft", "Work", "__version__",
     "from_gmsh", "from_meshio", "from_pyvista", "local", "optimise", "optimize", "quality", "to_meshio", "update_gmsh",

@@ -18,7 +18,7 @@ from .job import Job, Result
 from .mesh import Mesh, to_parts
 from .names import spellings, suggestion
 from .numbering import OF_FILES, Numbering
-from .options import Geometry, Options, numbered_from_one, to_message
+from .options import Geometry, Layers, Options, numbered_from_one, to_message
 from .progress import Progress
 from .reports import CellQuality, Event, Quality, ServerInfo
 from .v1 import job_pb2, mesh_pb2, service_pb2, service_pb2_grpc
@@ -77,14 +77,16 @@ class Client:
     def optimise(self, mesh: MeshLike, output: Paths | None = None, *, format: str | None = None,
                  progress: bool = False, on_event: Callable[[Event], object] | None = None,
                  arrays: bool | None = None, request_id: str | None = None, labels: Mapping[str, str] | None = None,
-                 priority: int = 0, geometry: Geometry | Path | None = None, **options: Unpack[Options]) -> Result:  # fmt: skip
+                 priority: int = 0, geometry: Geometry | Path | None = None, layers: Layers | None = None,
+                 **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
         `output` names files to write (.msh in `format`, .vtu, .mesh, .xml, .su2, .h5, .cgns,
         .pyfrm). The result also has its mesh in arrays, unless
         `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
         For a mesh in arrays, numbers in options and reports count from 0. `geometry` is a CAD model on which boundary nodes
-        slide first, on a server that takes geometries.
+        slide first, on a server that takes geometries. `layers` says into which layers thick cells at walls are split in the
+        end.
 
         Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption, BadMesh or BadOutput. It
         is no error if elements of the result are not certified valid; `result.valid` says whether all are.
@@ -99,7 +101,7 @@ class Client:
             wanted += ["as-read"] if _is_path(mesh) and all(one in reports.FORMAT_OF_ENDING.values() for one in wanted) else []
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
-                          priority=priority, geometry=geometry, **options)  # fmt: skip
+                          priority=priority, geometry=geometry, layers=layers, **options)  # fmt: skip
         show = Progress(options.get("tolerance") or 1e-3) if progress else None
         try:
             for event in job.watch():
@@ -146,7 +148,7 @@ class Client:
 
     def submit(self, mesh: MeshLike, *, outputs: Iterable[str] = (), request_id: str | None = None,
                labels: Mapping[str, str] | None = None, priority: int = 0, geometry: Geometry | Path | None = None,
-               **options: Unpack[Options]) -> Job:  # fmt: skip
+               layers: Layers | None = None, **options: Unpack[Options]) -> Job:  # fmt: skip
         """Sends a mesh and puts a job in the queue.
 
         `outputs` names formats ("msh41-binary", "vtu", "parts" for arrays, "as-read"); the default is "as-read". Arrays have
@@ -163,6 +165,11 @@ class Client:
                                outputs=[_format_number(name) for name in outputs])  # fmt: skip
         if geometry is not None:
             spec.geometry.CopyFrom(self._upload_geometry(geometry))
+        if layers is not None:
+            if not self.info().takes_layers:  # an old server would leave the layers out without a word
+                raise BadOption("This server makes no layers, because it is older than they are. Use another one, or split the "
+                                "result with 'varimesh layers'.")  # fmt: skip
+            spec.layers.CopyFrom(layers.to_message())
         spec.mesh.digest = self.upload(mesh if arrays is None else arrays)
         if arrays is not None:
             spec.mesh.format = mesh_pb2.MESH_FORMAT_PARTS

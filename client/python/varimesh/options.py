@@ -1,10 +1,10 @@
-"""The options of an optimisation, with the names of varimesh.v1.Options."""
+"""The options of a job, with the names of the contract, and what came of layers."""
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike
 from .errors import BadOption
 from .names import spellings, suggestion
 from .v1 import job_pb2, optimise_pb2
+
+if TYPE_CHECKING:
+    from .reports import Quality
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,60 @@ class Geometry:
             if field.name != "file":
                 _set(message, field.name, getattr(self, field.name))
         return message
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Thin layers into which thick cells above walls are split once the mesh is optimised. docs/layers.md describes the flags of
+    the command, which have the same names. Give two of `layers`, `first` and `growth`, or all three, or `heights`."""
+
+    walls: str | Iterable[str]  #: groups of boundary elements, by name or by tag
+    layers: int = 0
+    first: float = 0.0  #: height of the layer at the wall, in the mesh's unit of length
+    growth: float = 0.0  #: height of each layer over the height of the one below
+    heights: Iterable[float] = ()
+    rows: int = 1
+    spacing: Literal["even", "graded"] = "graded"
+    grow: float = 0.0  #: first grow a row of thick cells of this thickness on the walls
+    simplices: bool = False
+
+    def to_message(self) -> job_pb2.Layers:
+        """BadOption names a value that does not exist."""
+        message = job_pb2.Layers()
+        for field in fields(self):
+            _set(message, field.name, getattr(self, field.name))
+        return message
+
+
+@dataclass(frozen=True)
+class LayersReport:
+    """What came of the layers of a job. Pairs are the smallest and the largest value; heights are in the mesh's unit of length."""
+
+    wall_elements: int
+    columns: int  # edges that rise from the wall
+    layers: int  # in each column, without a cell that is left
+    leaves_cells: bool  # whether the layers leave a part of the thick cells, which is one more cell
+    split: int  # cells that were split
+    split_beside: int  # of these, cells beside the wall, split so that the mesh conforms
+    elements_before: int
+    elements_after: int
+    first_height: tuple[float, float]
+    last_height: tuple[float, float]
+    growth: tuple[float, float]
+    same_shares: bool  # layers have the same share of each edge: with the same heights, elements would have been invalid
+    stretched: float  # by how much of its height a layer differs from what was wanted, with several rows
+    thick: Quality  # the quality of the mesh before it was split
+    grown: tuple[float, float] | None  # the thickness of the row of cells that was grown; None: none was
+    full_share: float  # the share of the walls' area on which that is what was asked for
+
+
+def layers_report_of(message: optimise_pb2.LayersReport, thick: Quality) -> LayersReport:
+    values: dict[str, Any] = {name: getattr(message, name) for name in LayersReport.__dataclass_fields__}
+    for name in ("first_height", "last_height", "growth", "grown"):
+        values[name] = (values[name].least, values[name].most)
+    values["grown"] = values["grown"] if message.HasField("grown") else None
+    values["thick"] = thick
+    return LayersReport(**values)
 
 
 class Options(TypedDict, total=False):

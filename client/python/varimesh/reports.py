@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from . import wire
 from .names import spelled
 from .numbering import OF_FILES, Numbering
+from .options import LayersReport, layers_report_of
 from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
 
 HISTORY = np.dtype(
@@ -135,6 +136,7 @@ class GeometryReport:
     rms_after: float
     sentences: tuple[str, ...]  # what matched and what moved
     surfaces: tuple[SurfaceDistance, ...] = ()  # the largest distance afterwards first; at most 1000
+    straight_elements: int = 0  # if the mesh was curved: boundary elements that stay straight, since their place is not sure
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,7 @@ class Metrics:
     objective: str  # that of the run, never auto
     geometry: GeometryReport | None = None  # only if the job has a CAD model; `before` is then the mesh that has slid
     slide_trials: tuple[SlideTrial, ...] = ()  # the other ways to slide that were tried, in order
+    layers: LayersReport | None = None  # only if thick cells were split into layers, whose quality is `after` then
 
     @property
     def remedies(self) -> tuple[str, ...]:
@@ -244,6 +247,7 @@ class ServerInfo:
     pending_jobs: int
     running_jobs: int
     takes_geometries: bool  #: whether boundary nodes may slide on CAD models in jobs of this server
+    takes_layers: bool  #: whether jobs of this server split thick cells into layers
 
 
 def state_name(number: int) -> str:
@@ -304,7 +308,7 @@ def geometry_report_of(message: optimise_pb2.GeometryReport, numbering: Numberin
         message.nodes, message.farthest, message.folded_before, message.folded_after, message.before.largest,
         message.after.largest, message.before.rms, message.after.rms,
         tuple(numbering.sentence(one) for one in message.sentences),
-        tuple(surface_distance_of(one) for one in message.surfaces))  # fmt: skip
+        tuple(surface_distance_of(one) for one in message.surfaces), message.straight_elements)  # fmt: skip
 
 
 def slide_trial_of(message: optimise_pb2.SlideTrial) -> SlideTrial:
@@ -330,7 +334,9 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         tuple(numbering.sentence(note) for note in message.notes),
         spelled(optimise_pb2.Objective.DESCRIPTOR, message.objective),
         geometry_report_of(message.geometry, numbering) if message.HasField("geometry") else None,
-        tuple(slide_trial_of(one) for one in message.slide_trials))  # fmt: skip
+        tuple(slide_trial_of(one) for one in message.slide_trials),
+        layers_report_of(message.layers, quality_of(message.layers.thick, numbering))
+        if message.HasField("layers") else None)  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
@@ -377,4 +383,5 @@ def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
         tuple(format_name(one) for one in message.input_formats),
         tuple(format_name(one) for one in message.output_formats),
         tuple(spelled(optimise_pb2.Energy.DESCRIPTOR, one) for one in message.energies),
-        message.pending_jobs, message.running_jobs, message.takes_geometries)  # fmt: skip
+        message.pending_jobs, message.running_jobs, message.takes_geometries,
+        message.takes_layers)  # fmt: skip

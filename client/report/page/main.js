@@ -49,6 +49,9 @@ function addTables(report, {go, goToSurface}) {
       document.getElementById('pictures').scrollIntoView({block: 'start'});
     })));
   }
+  if (report.document.layers_text) {
+    addSection('layers', 'Layers').append(...report.document.layers_text.map((line) => make('p', {}, line)));
+  }
   if (report.document.notes) addSection('notes', 'Notes', report.document.notes.join(' '));
   if (report.document.substitute_targets) {
     const substitutes = report.document.substitute_targets;

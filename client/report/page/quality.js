@@ -79,7 +79,12 @@ const QUALITY_ROWS = [
 
 function qualityTable(document) {
   const list = qualities(document);
-  const heads = list.map(([snapshot]) => ({text: list.length > 1 ? SNAPSHOT_TITLES[snapshot] : 'Value', class: 'number'}));
+  const titles = list.map(([snapshot]) => (list.length > 1 ? SNAPSHOT_TITLES[snapshot] : 'Value'));
+  if (document.layers?.thick) {
+    list.splice(1, 0, ['thick', document.layers.thick]);
+    titles.splice(1, 0, 'Before the split into layers');
+  }
+  const heads = titles.map((text) => ({text, class: 'number'}));
   const rows = QUALITY_ROWS.map(([name, pick, show]) => [name, ...list.map(([, one]) => numberCell(pick(one), show(pick(one))))]);
   const node = table('Quality', ['', ...heads], rows);
   node.id = 'quality-table';

@@ -13,6 +13,7 @@
 #include "core/base/index.h"
 #include "core/layers/facet_table.h"
 #include "core/layers/spacing.h"
+#include "core/layers/split/layer_heights.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::detail {
@@ -70,7 +71,7 @@ struct Column {
 class Cutter {
  public:
   Cutter(const HighOrderMesh& mesh, const Topology& topology, const Sheets& sheets, const WallColumns& wall,
-         const LayerSplit& wanted, LayerSplitReport& report)
+         const LayerOptions& wanted, LayerSplitReport& report)
       : mesh_(mesh),
         topology_(topology),
         sheets_(sheets),
@@ -155,10 +156,10 @@ class Cutter {
     std::vector<double> rooms;
     for (const Column& column : columns_) rooms.push_back(column.room());
     std::ranges::nth_element(rooms, rooms.begin() + std::ptrdiff_t(rooms.size() / 2));
-    report_.layers = number_of_layers(wanted_.heights, rooms[rooms.size() / 2]);
+    report_.layers = number_of_layers(wanted_, rooms[rooms.size() / 2]);
     std::map<std::int32_t, std::array<bool, 2>> found;  // by sheet: a column that is filled, one that is not
     for (Column& column : columns_) {
-      column.layers = heights_in_column(wanted_.heights, report_.layers, column.room());
+      column.layers = heights_in_column(wanted_, report_.layers, column.room());
       if (column.layers.empty()) return too_low(column);
       const double left = column.room() - std::accumulate(column.layers.begin(), column.layers.end(), 0.0);
       const bool is_filled = left <= kFilled * column.room();
@@ -310,7 +311,7 @@ class Cutter {
   const Topology& topology_;
   const Sheets& sheets_;
   const WallColumns& wall_;
-  const LayerSplit& wanted_;
+  const LayerOptions& wanted_;
   LayerSplitReport& report_;
   LayerSpacing spacing_;
   LayerCuts cuts_;
@@ -333,7 +334,7 @@ void LayerCuts::copy(std::int32_t to, std::int32_t from, bool same_direction) {
 }
 
 Expected<LayerCuts> cut_layers(const HighOrderMesh& mesh, const Topology& topology, const Sheets& sheets,
-                               const WallColumns& wall, const LayerSplit& wanted, LayerSplitReport& report) {
+                               const WallColumns& wall, const LayerOptions& wanted, LayerSplitReport& report) {
   return Cutter(mesh, topology, sheets, wall, wanted, report).cut();
 }
 

@@ -43,6 +43,6 @@ class LayerCuts {
 /// If report.same_shares is set, all edges of a sheet are cut at the same parameters.
 /// Errors: BadInput if a column is not high enough, or if layers from several sides do not go together.
 Expected<LayerCuts> cut_layers(const HighOrderMesh& mesh, const Topology& topology, const Sheets& sheets,
-                               const WallColumns& wall, const LayerSplit& wanted, LayerSplitReport& report);
+                               const WallColumns& wall, const LayerOptions& wanted, LayerSplitReport& report);
 
 }  // namespace varimesh::detail

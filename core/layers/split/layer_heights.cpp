@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <string>
 
 #include "core/base/index.h"
 
-namespace varimesh {
+namespace varimesh::detail {
 namespace {
 
 /// The height of `layers` layers over the height of the first one.
@@ -33,40 +32,9 @@ double fitting_growth(int layers, double ratio) {
   return (low + high) / 2;
 }
 
-bool is_height(double height) { return std::isfinite(height) && height > 0; }
-
 }  // namespace
 
-Expected<void> check(const LayerHeights& wanted) {
-  if (wanted.layers < 0 || wanted.layers > kMostLayers || wanted.heights.size() > kMostLayers)
-    return bad_option("The number of layers is " + std::to_string(wanted.layers) + "; give 1 to " +
-                      std::to_string(kMostLayers) + ".");
-  if (!wanted.heights.empty()) {
-    if (wanted.layers != 0 || wanted.first != 0 || wanted.growth != 0)
-      return bad_option(
-          "The layers have a list of heights and a number, first height or growth as well. Give either the list or "
-          "the numbers.");
-    if (!std::ranges::all_of(wanted.heights, is_height))
-      return bad_option("A height of a layer is not a positive number. Give heights in the mesh's unit of length.");
-    return {};
-  }
-  if (wanted.first != 0 && !is_height(wanted.first))
-    return bad_option("The first height is not a positive number. Give it in the mesh's unit of length.");
-  if (wanted.growth != 0 && !(wanted.growth >= 1 && wanted.growth <= 10))
-    return bad_option(
-        "The growth of the layers is not between 1 and 10. It is the height of each layer over the height "
-        "of the one below.");
-  const int given = (wanted.layers != 0 ? 1 : 0) + (wanted.first != 0 ? 1 : 0) + (wanted.growth != 0 ? 1 : 0);
-  if (given < 2)
-    return bad_option(
-        "The heights of the layers are not known. Give two of the number of layers, the first height and the growth, "
-        "or a list of heights.");
-  return {};
-}
-
-namespace detail {
-
-int number_of_layers(const LayerHeights& wanted, double column) {
+int number_of_layers(const LayerOptions& wanted, double column) {
   if (!wanted.heights.empty()) return static_cast<int>(wanted.heights.size());
   if (wanted.layers != 0) return wanted.layers;
   const double ratio = column / wanted.first, rate = std::log(wanted.growth);
@@ -75,20 +43,22 @@ int number_of_layers(const LayerHeights& wanted, double column) {
   return static_cast<int>(std::clamp(std::round(layers), 1.0, std::max(1.0, std::floor(ratio * (1 + 1e-12)))));
 }
 
-std::vector<double> heights_in_column(const LayerHeights& wanted, int layers, double column) {
+std::vector<double> heights_in_column(const LayerOptions& wanted, int layers, double column) {
   constexpr double kRounding = 1e-9;
   std::vector<double> heights = wanted.heights;
   if (heights.empty() && wanted.first == 0) {
     heights = geometric(layers, column / sum_of(layers, wanted.growth), wanted.growth);
   } else if (heights.empty() && wanted.fills() && layers > 1) {
-    if (layers * wanted.first > column * (1 + kRounding)) return {};
-    heights = geometric(layers, wanted.first, fitting_growth(layers, column / wanted.first));
+    const bool fits = layers * wanted.first <= column * (1 + kRounding);
+    heights = geometric(layers, wanted.first, fits ? fitting_growth(layers, column / wanted.first) : 1);
   } else if (heights.empty()) {
     heights = geometric(layers, wanted.first, wanted.growth == 0 ? 1 : wanted.growth);
   }
-  if (std::accumulate(heights.begin(), heights.end(), 0.0) > column * (1 + kRounding)) return {};
+  const double total = std::accumulate(heights.begin(), heights.end(), 0.0);
+  if (total <= column * (1 + kRounding)) return heights;
+  if (wanted.grow == 0) return {};
+  for (double& height : heights) height *= column / total;
   return heights;
 }
 
-}  // namespace detail
-}  // namespace varimesh
+}  // namespace varimesh::detail

@@ -1,11 +1,18 @@
 #include "core/layers/split/split_layers.h"
 
 #include <algorithm>
+#include <map>
+#include <utility>
 
+#include "core/base/index.h"
 #include "core/layers/split/cut_mesh.h"
 #include "core/layers/split/layer_cuts.h"
+#include "core/layers/split/layer_heights.h"
 #include "core/layers/split/sheets.h"
 #include "core/layers/split/wall_columns.h"
+#include "core/layers/walls.h"
+#include "core/mesh/changes/to_simplices.h"
+#include "core/mesh/connectivity.h"
 #include "core/mesh/topology.h"
 #include "core/validity/certifier.h"
 
@@ -20,14 +27,61 @@ std::int64_t uncertified(const HighOrderMesh& mesh, const Team& team) {
   return std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
 }
 
-}  // namespace
+/// How many cells there are at most with these cuts: a cell has as many parts as all sheets together that cut it.
+std::int64_t most_cells(const HighOrderMesh& mesh, const Topology& topology, const detail::Sheets& sheets,
+                        const detail::LayerCuts& cuts) {
+  const Cells cells(mesh, mesh.dimension);
+  std::int64_t most = 0;
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    std::map<std::int32_t, std::int64_t> parts;  // by sheet
+    const auto nodes = cells.nodes(c);
+    for (const auto& [a, b] : kGmshParts.edges(cells.shape(c)))
+      if (const std::int32_t edge = topology.edge(nodes[at(a)], nodes[at(b)]); cuts.is_cut(edge))
+        parts[sheets.sheet(edge)] = cuts.parts(edge);
+    std::int64_t all = 1;
+    for (const auto& [sheet, count] : parts) all *= count;
+    most += all;
+  }
+  return most;
+}
 
-Expected<SplitLayers> split_layers(const CheckedMesh& mesh, const LayerSplit& wanted, const Team& team) {
-  if (const auto checked = check(wanted.heights); !checked) return tl::unexpected(checked.error());
-  if (wanted.rows < 1) return bad_option("The number of rows to split is not at least 1.");
+/// How many cells there will be if the walls get thick cells first.
+Expected<std::int64_t> cells_if_grown(const CheckedMesh& mesh, const LayerOptions& wanted) {
+  if (const auto checked = check(wanted); !checked) return tl::unexpected(checked.error());
+  const auto walls = detail::find_walls(mesh.mesh, mesh.facets, wanted.walls);
+  if (!walls) return tl::unexpected(walls.error());
+  const int parts = detail::number_of_layers(wanted, wanted.grow) + (wanted.fills() ? 0 : 1);
+  return static_cast<std::int64_t>(mesh.mesh.element_count(mesh.mesh.dimension)) + parts * std::ssize(*walls);
+}
+
+/// The columns above the walls. Errors: see split_layers().
+Expected<detail::WallColumns> columns_above(const CheckedMesh& mesh, const LayerOptions& wanted) {
+  if (const auto checked = check(wanted); !checked) return tl::unexpected(checked.error());
   if (mesh.facets.first.empty())
     return bad_input("The mesh is a surface in space. Layers can be made in meshes of the plane and of space.");
-  const auto wall = detail::find_wall_columns(mesh, wanted.walls, wanted.rows);
+  return detail::find_wall_columns(mesh, wanted.walls, wanted.rows);
+}
+
+}  // namespace
+
+Expected<std::int64_t> check_layers(const CheckedMesh& mesh, const LayerOptions& wanted, const Team& team) {
+  if (wanted.grow > 0) return cells_if_grown(mesh, wanted);
+  const auto wall = columns_above(mesh, wanted);
+  if (!wall) return tl::unexpected(wall.error());
+  Expected<std::int64_t> cells;
+  team.run([&] {
+    const Topology topology = varimesh::topology(mesh.mesh, Topology::Faces::None, team);
+    const detail::Sheets sheets(mesh.mesh, topology);
+    LayerSplitReport report;
+    const auto cuts = detail::cut_layers(mesh.mesh, topology, sheets, *wall, wanted, report);
+    cells =
+        cuts ? Expected<std::int64_t>(most_cells(mesh.mesh, topology, sheets, *cuts)) : tl::unexpected(cuts.error());
+  });
+  return cells;
+}
+
+Expected<SplitLayers> split_layers(const CheckedMesh& mesh, const LayerOptions& wanted, const Team& team) {
+  const auto wall = columns_above(mesh, wanted);
   if (!wall) return tl::unexpected(wall.error());
   SplitLayers result;
   Expected<void> done;
@@ -52,6 +106,11 @@ Expected<SplitLayers> split_layers(const CheckedMesh& mesh, const LayerSplit& wa
   });
   if (!done) return tl::unexpected(done.error());
   if (mesh.plane) mesh.plane->put_back(result.mesh);
+  if (!wanted.simplices) return result;
+  auto simplices = to_simplices(result.mesh);
+  if (!simplices) return tl::unexpected(simplices.error());
+  result.mesh = std::move(*simplices);
+  result.report.cells_after = static_cast<std::int64_t>(result.mesh.element_count(result.mesh.dimension));
   return result;
 }
 

@@ -3,26 +3,11 @@
 
 #include <array>
 #include <cstdint>
-#include <string>
-#include <vector>
 
-#include "core/layers/split/layer_heights.h"
 #include "core/mesh/checked_mesh.h"
-#include "core/options/options.h"
+#include "core/options/layer_options.h"
 
 namespace varimesh {
-
-/// What is wanted.
-struct LayerSplit {
-  /// Groups of boundary elements: names or tags of physical groups, or tags of entities.
-  std::vector<std::string> walls;
-  LayerHeights heights;
-  /// How many rows of cells above the wall are split. The sides between rows stay. So the heights within each row are
-  /// stretched until layers begin and end there.
-  int rows = 1;
-  /// How nodes are spaced inside the new cells, across the layers: graded as the layers grow, or evenly. Keep is Even.
-  LayerSpacing spacing = LayerSpacing::Graded;
-};
 
 /// What came of it. Pairs are the smallest and the largest value; heights are in the mesh's unit of length.
 struct LayerSplitReport {
@@ -63,9 +48,18 @@ struct SplitLayers {
 /// If all cells that are split are certified valid, but not all of their parts, then layers get the same share of every
 /// edge instead, and an even spacing, if fewer parts are left by that. Exact parts of valid cells are valid.
 ///
+/// With LayerOptions::simplices, all cells are cut into simplices in the end (core/mesh/changes/to_simplices.h).
+///
+/// If the thick cells were grown for want of any (LayerOptions::grow), layers are lower where they do not fit.
+///
 /// The result does not depend on the number of threads. Do not call it inside team.run(). Errors: BadOption and
 /// BadInput, for heights that are no heights or higher than the cells, walls that do not exist, and cells that cannot
 /// be split.
-Expected<SplitLayers> split_layers(const CheckedMesh& mesh, const LayerSplit& wanted, const Team& team);
+Expected<SplitLayers> split_layers(const CheckedMesh& mesh, const LayerOptions& wanted, const Team& team);
+
+/// The errors that split_layers() would return for walls, heights and cells above the walls, at less than its cost.
+/// Otherwise how many cells there would be at most, before they are cut into simplices. The mesh may still be straight,
+/// or tangled. If thick cells are to be grown first (LayerOptions::grow), only the walls are looked at.
+Expected<std::int64_t> check_layers(const CheckedMesh& mesh, const LayerOptions& wanted, const Team& team);
 
 }  // namespace varimesh

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -11,6 +10,7 @@
 
 #include "core/base/index.h"
 #include "core/layers/facet_table.h"
+#include "core/layers/walls.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh::detail {
@@ -20,51 +20,6 @@ using Vector = Eigen::Vector3d;
 
 /// A wall has a sharp edge where normals of its elements differ by more: the cosine of 40°.
 constexpr double kSharp = 0.766;
-
-std::optional<int> number_of(const std::string& text) {
-  int number = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return fault == std::errc() && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
-}
-
-/// What belongs to the wall of this name: a physical group, or an entity.
-struct Wall {
-  std::optional<int> group, entity;
-
-  bool has(const ElementBlock& block) const {
-    return group ? std::ranges::find(block.physical, *group) != block.physical.end() : entity == block.entity;
-  }
-};
-
-std::string known_walls(const HighOrderMesh& mesh) {
-  std::string names;
-  for (const PhysicalGroup& group : mesh.physical_groups)
-    if (group.dimension == mesh.dimension - 1)
-      names += (names.empty() ? "" : ", ") + (group.name.empty() ? std::to_string(group.tag) : group.name);
-  if (!names.empty()) return "The mesh has these groups of boundary elements: " + names + ".";
-  std::set<int> tags;
-  for (const ElementBlock& block : mesh.blocks)
-    if (reference::info(block.shape).dimension == mesh.dimension - 1) tags.insert(block.entity);
-  for (const int tag : tags) names += (names.empty() ? "" : ", ") + std::to_string(tag);
-  return names.empty() ? "The mesh has no boundary elements; a wall is a group of them."
-                       : "The boundary elements of the mesh have the tags " + names + ".";
-}
-
-Expected<Wall> find_wall(const HighOrderMesh& mesh, const std::string& name) {
-  for (const PhysicalGroup& group : mesh.physical_groups)
-    if (group.name == name && group.dimension == mesh.dimension - 1) return Wall{group.tag, {}};
-  const std::optional<int> tag = number_of(name);
-  Wall by_group{tag, {}}, by_entity{{}, tag};
-  for (const Wall& wall : {by_group, by_entity})
-    for (const ElementBlock& block : mesh.blocks)
-      if (tag && reference::info(block.shape).dimension == mesh.dimension - 1 && wall.has(block)) return wall;
-  for (const PhysicalGroup& group : mesh.physical_groups)
-    if (group.name == name)
-      return bad_option("The group '" + name + "' is no wall: its elements have dimension " +
-                        std::to_string(group.dimension) + ", and the boundary has dimension " +
-                        std::to_string(mesh.dimension - 1) + ". " + known_walls(mesh));
-  return bad_option("There is no wall '" + name + "'. " + known_walls(mesh));
-}
 
 /// The way from one side of a cell to the opposite side.
 struct Rise {
@@ -103,24 +58,15 @@ class ColumnFinder {
       : mesh_(checked.mesh), facets_(checked.facets), cells_(mesh_, mesh_.dimension), rows_(rows) {}
 
   Expected<WallColumns> find(std::span<const std::string> names) {
-    std::vector<Wall> walls;
-    for (const std::string& name : names) {
-      const auto wall = find_wall(mesh_, name);
-      if (!wall) return tl::unexpected(wall.error());
-      walls.push_back(*wall);
-    }
+    const auto walls = find_walls(mesh_, facets_, names);
+    if (!walls) return tl::unexpected(walls.error());
     const Cells elements(mesh_, mesh_.dimension - 1);
-    for (const auto& [facet, element] : facets_.elements) {
+    for (const auto& [facet, element] : *walls) {
       const ElementBlock& block = *elements.range_of(at(element)).block;
-      if (std::ranges::none_of(walls, [&](const Wall& wall) { return wall.has(block); })) continue;
-      if (facets_.neighbour[at(facet)] >= 0)
-        return bad_input("Element " + std::to_string(elements.number(at(element))) +
-                         " of the wall has cells on both sides. Layers can be made at the boundary only.");
       if (const auto done = add_stack(facet, elements.nodes(at(element)), block.shape); !done)
         return tl::unexpected(done.error());
       ++found_.elements;
     }
-    if (found_.elements == 0) return bad_option("The wall has no elements on the boundary of the cells.");
     std::ranges::sort(found_.in_rows);
     found_.in_rows.erase(std::unique(found_.in_rows.begin(), found_.in_rows.end()), found_.in_rows.end());
     finish_normals();

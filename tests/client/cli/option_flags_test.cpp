@@ -42,6 +42,23 @@ TEST(OptionFlags, ThereIsOneForEachOptionOfAGeometryButTheOrder) {
   EXPECT_FALSE(geometry.has_growth());
 }
 
+TEST(OptionFlags, ThereIsOneForEachOptionOfLayers) {
+  CLI::App app;
+  v1::Layers layers;
+  add_layer_options(app, &layers, true);
+  for (const LayerOption& option : layer_option_table())
+    EXPECT_NE(app.get_option_no_throw(flag_of(option)), nullptr) << option.name;
+  app.parse("--wall wing --wall 7 --heights 1e-5,2e-5 --heights 4e-5 --rows 2 --simplices --layer-spacing even");
+  EXPECT_EQ(std::vector<std::string>(layers.walls().begin(), layers.walls().end()),
+            (std::vector<std::string>{"wing", "7"}));
+  EXPECT_EQ(std::vector<double>(layers.heights().begin(), layers.heights().end()),
+            (std::vector<double>{1e-5, 2e-5, 4e-5}));
+  EXPECT_EQ(layers.rows(), 2);
+  EXPECT_TRUE(layers.simplices());
+  EXPECT_EQ(layers.spacing(), v1::LAYER_SPACING_EVEN);
+  EXPECT_EQ(layers.first(), 0);
+}
+
 TEST(OptionFlags, SetOnlyTheFieldsThatAreGiven) {
   CLI::App app;
   v1::Options options;

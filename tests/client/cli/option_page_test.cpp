@@ -29,6 +29,7 @@ void expect_rows(std::span<const OptionOf<Of>> table) {
 TEST(OptionPage, HasARowForEachOptionOfTheTables) {
   expect_rows(option_table());
   expect_rows(geometry_option_table());
+  expect_rows(layer_option_table());
 }
 
 template <class Of>

@@ -3,7 +3,7 @@ import json
 import math
 import unittest
 
-from programs import WithFolder, run
+from programs import CASES, WithFolder, WithServer, run
 
 # Two quadrilaterals of order 2 over a wall that bends; the wall is the group "wall".
 WALL = [(0, 0), (0.25, 0.05), (0.5, 0.06), (0.75, 0.05), (1, 0)]
@@ -75,13 +75,95 @@ class Layers(WithFolder):
                 (("--layers", 3, "--growth", 2), "wing", 2, "There is no wall 'wing'. The mesh has these groups of boundary "
                                                           "elements: wall."),
                 (("--layers", 3, "--growth", 2), "fluid", 2, "The group 'fluid' is no wall"),
-                (("--heights", "1e-3,x"), "wall", 2, "--heights has 'x', which is no number"),
+                (("--heights", "1e-3,x"), "wall", 2, "--heights is '1e-3,x'; give numbers with commas between them"),
+                (("--heights", "1e-3,-1"), "wall", 2, "A height of a layer is not a positive number"),
+                (("--layers", 3, "--growth", 2, "--layer-spacing", "keep"), "wall", 2, "Choose even or graded"),
                 (("--layers", 3, "--growth", 2, "--rows", 2), "wall", 3, "There is only 1 row of cells above the wall"),
-                (("--layers", 3, "--first", -1), "wall", 2, "--first")):
+                (("--layers", 3, "--first", -1), "wall", 2, "first is -1; give a length")):
             done = self.split(*flags, wall=wall)
             self.assertEqual(done.returncode, status, (flags, done.stderr))
             self.assertIn(sentence, done.stderr)
             self.assertFalse(self.out.exists())
+
+
+class InARun(WithServer):
+    """The same flags make a job split its result."""
+
+    def setUp(self):
+        super().setUp()
+        self.mesh, self.out = self.folder / "thick.msh", self.folder / "thin.msh"
+        self.mesh.write_text(thick())
+
+    def optimise(self, *flags, command="optimise"):
+        return run(command, self.mesh, "-o", self.out, "--wall", "wall", *flags)
+
+    def test_gives_the_bytes_of_two_commands(self):
+        first, second = self.folder / "first.msh", self.folder / "second.msh"
+        self.assertEqual(run("optimise", self.mesh, "-o", first).returncode, 0)
+        flags = ("--layers", 6, "--first", 1e-4, "--simplices")
+        self.assertEqual(run("layers", first, "--wall", "wall", "-o", second, *flags).returncode, 0)
+        for where in ((), ("--server", self.server.address)):
+            with self.subTest(where=where):
+                done = self.optimise(*flags, *where, "--json")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertEqual(self.out.read_bytes(), second.read_bytes())
+                document = json.loads(done.stdout)
+                self.assertEqual(document["layers"]["elements_after"], 24)
+                self.assertEqual(document["mesh"]["elements"], 24)
+                self.assertEqual(document["after"]["certified"]["valid"], 24)
+                self.assertEqual(document["layers"]["thick"]["certified"]["valid"], 2)
+
+    def test_the_spacing_is_that_of_the_new_layers(self):
+        first, second = self.folder / "first.msh", self.folder / "second.msh"
+        flags = ("--layers", 4, "--growth", 2, "--layer-spacing", "even")
+        self.assertEqual(run("optimise", self.mesh, "-o", first).returncode, 0)
+        self.assertEqual(run("layers", first, "--wall", "wall", "-o", second, *flags).returncode, 0)
+        self.assertEqual(self.optimise(*flags).returncode, 0)
+        self.assertEqual(self.out.read_bytes(), second.read_bytes())
+
+    def test_the_summary_and_the_report_have_the_layers(self):
+        report = self.folder / "report.html"
+        done = self.optimise("--reynolds", 1e5, "--length", 1, "--layers", 5, "--report", report)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("y+ is 1 at the height", done.stderr)
+        self.assertRegex(done.stdout, r"(?m)^ +before +after +layers$")
+        self.assertRegex(done.stdout, r"(?m)^layers +5 above 2 wall elements, first height")
+        self.assertIn("5 above 2 wall elements", report.read_text())
+
+    def test_a_job_that_is_submitted_has_them(self):
+        job = self.remote("submit", self.mesh, "--wall", "wall", "--layers", 3, "--growth", 2).stdout.strip()
+        self.assertEqual(self.remote("wait", job).returncode, 0)
+        self.assertEqual(self.remote("result", job, "-o", self.out).returncode, 0)
+        self.assertEqual(json.loads(run("quality", self.out, "--json").stdout)["mesh"]["elements"], 6)
+
+    def test_grows_layers_where_there_are_none(self):
+        done = run("optimise", CASES / "aerofoil_p4.msh", "-o", self.out, "--wall", "all", "--grow", 0.05, "--layers", 10,
+                   "--first", 1e-5, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stderr, "A layer of thickness 0.05 was grown on 44 elements of the wall. It has this thickness "
+                                      "on 9[0-9.]+ % of their area. For want of room it is thinner elsewhere")
+        layers = json.loads(done.stdout)["layers"]
+        self.assertGreater(layers["full_share"], 0.9)
+        self.assertAlmostEqual(layers["grown_thickness"][1], 0.05)
+        self.assertEqual(layers["elements_after"], 520 + 44 * 10)
+        self.assertEqual(run("quality", self.out, "--certify").returncode, 0)
+        done = run("layers", self.mesh, "-o", self.out, "--wall", "wall", "--grow", 0.1, "--layers", 3, "--growth", 2)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stdout, "(?m)^grown +0.1 thick, 100 % of the walls with all of it$")
+
+    def test_what_is_wrong_is_said_before_the_run(self):
+        for flags, status, sentence in (
+                (("--layers", 3), 2, "Give two of the number of layers"),
+                (("--layers", 3, "--first", 1), 3, "The layers do not fit at node 1 of the wall"),
+                (("--layers", 3, "--growth", 2, "--wall", "wing"), 2, "There is no wall 'wing'")):
+            done = self.optimise(*flags)
+            self.assertEqual(done.returncode, status, (flags, done.stderr))
+            self.assertIn(sentence, done.stderr)
+            self.assertNotIn("accuracy   ", done.stderr)
+            self.assertFalse(self.out.exists())
+        done = run("optimise", self.mesh, "-o", self.out, "--layers", 3)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--wall", done.stderr)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <numeric>
+#include <utility>
+#include <vector>
 
 #include "core/layers/split/edge_cut.h"
 
@@ -13,44 +15,39 @@ namespace {
 
 double sum(const std::vector<double>& heights) { return std::accumulate(heights.begin(), heights.end(), 0.0); }
 
+LayerOptions layers(int number, double first, double growth, std::vector<double> heights = {}) {
+  LayerOptions options;
+  options.layers = number;
+  options.first = first;
+  options.growth = growth;
+  options.heights = std::move(heights);
+  return options;
+}
+
 TEST(LayerHeights, FillAColumn) {
   for (const double column : {0.3, 1.0, 40.0})
-    for (const int layers : {2, 5, 60}) {
-      const auto by_first =
-          heights_in_column({.layers = layers, .first = 1e-4, .growth = 0, .heights = {}}, layers, column);
-      ASSERT_EQ(by_first.size(), static_cast<std::size_t>(layers));
+    for (const int number : {2, 5, 60}) {
+      const auto by_first = heights_in_column(layers(number, 1e-4, 0), number, column);
+      ASSERT_EQ(by_first.size(), static_cast<std::size_t>(number));
       EXPECT_NEAR(sum(by_first), column, 1e-11 * column);
       EXPECT_EQ(by_first[0], 1e-4);
-      const auto by_growth =
-          heights_in_column({.layers = layers, .first = 0, .growth = 1.3, .heights = {}}, layers, column);
+      const auto by_growth = heights_in_column(layers(number, 0, 1.3), number, column);
       EXPECT_NEAR(sum(by_growth), column, 1e-11 * column);
       EXPECT_NEAR(by_growth[1] / by_growth[0], 1.3, 1e-12);
     }
 }
 
 TEST(LayerHeights, ChooseTheNumberOfLayers) {
-  EXPECT_EQ(number_of_layers({.layers = 0, .first = 0.1, .growth = 1, .heights = {}}, 1), 10);
-  EXPECT_EQ(number_of_layers({.layers = 0, .first = 1.0 / 127, .growth = 2, .heights = {}}, 1), 7);
-  EXPECT_EQ(number_of_layers({.layers = 0, .first = 3, .growth = 2, .heights = {}}, 1), 1);
+  EXPECT_EQ(number_of_layers(layers(0, 0.1, 1), 1), 10);
+  EXPECT_EQ(number_of_layers(layers(0, 1.0 / 127, 2), 1), 7);
+  EXPECT_EQ(number_of_layers(layers(0, 3, 2), 1), 1);
 }
 
 TEST(LayerHeights, AreRefusedIfTheyDoNotFit) {
-  EXPECT_TRUE(heights_in_column({.layers = 5, .first = 0.3, .growth = 0, .heights = {}}, 5, 1).empty());
-  EXPECT_TRUE(heights_in_column({.layers = 3, .first = 0.2, .growth = 2, .heights = {}}, 3, 1).empty());
-  EXPECT_EQ(heights_in_column({.layers = 3, .first = 0.1, .growth = 2, .heights = {}}, 3, 1),
-            (std::vector<double>{0.1, 0.2, 0.4}));
-  EXPECT_TRUE(heights_in_column({.layers = 0, .first = 0, .growth = 0, .heights = {0.5, 0.6}}, 2, 1).empty());
-}
-
-TEST(LayerHeights, AreChecked) {
-  EXPECT_FALSE(check(LayerHeights{}));
-  EXPECT_FALSE(check({.layers = 3, .first = -1, .growth = 2, .heights = {}}));
-  EXPECT_FALSE(check({.layers = 3, .first = NAN, .growth = 0, .heights = {}}));
-  EXPECT_FALSE(check({.layers = 3, .first = 0, .growth = 0.5, .heights = {}}));
-  EXPECT_FALSE(check({.layers = 2, .first = 0, .growth = 0, .heights = {0.1}}));
-  EXPECT_FALSE(check({.layers = 0, .first = 0, .growth = 0, .heights = {0.1, -0.1}}));
-  EXPECT_FALSE(check({.layers = kMostLayers + 1, .first = 1, .growth = 0, .heights = {}}));
-  EXPECT_TRUE(check({.layers = 3, .first = 1, .growth = 0, .heights = {}}));
+  EXPECT_TRUE(heights_in_column(layers(5, 0.3, 0), 5, 1).empty());
+  EXPECT_TRUE(heights_in_column(layers(3, 0.2, 2), 3, 1).empty());
+  EXPECT_EQ(heights_in_column(layers(3, 0.1, 2), 3, 1), (std::vector<double>{0.1, 0.2, 0.4}));
+  EXPECT_TRUE(heights_in_column(layers(0, 0, 0, {0.5, 0.6}), 2, 1).empty());
 }
 
 /// Nodes that lie unevenly on a straight edge do not change where layers are.

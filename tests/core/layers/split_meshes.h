@@ -133,18 +133,18 @@ inline HighOrderMesh box(
   return small_mesh(places, cells, tag_of);
 }
 
-inline Expected<SplitLayers> split(const HighOrderMesh& mesh, const LayerSplit& wanted, int threads = 1) {
+inline Expected<SplitLayers> split(const HighOrderMesh& mesh, const LayerOptions& wanted, int threads = 1) {
   const Team team(threads);
   const auto checked = check_mesh(mesh, CheckFor::Judging, team);
   if (!checked) return tl::unexpected(checked.error());
   return split_layers(*checked, wanted, team);
 }
 
-inline LayerSplit geometric(int layers, double growth, LayerSpacing spacing = LayerSpacing::Even) {
-  LayerSplit wanted;
+inline LayerOptions geometric(int layers, double growth, LayerSpacing spacing = LayerSpacing::Even) {
+  LayerOptions wanted;
   wanted.walls = {"7"};
-  wanted.heights.layers = layers;
-  wanted.heights.growth = growth;
+  wanted.layers = layers;
+  wanted.growth = growth;
   wanted.spacing = spacing;
   return wanted;
 }

@@ -129,8 +129,8 @@ TEST(SplitLayers, MeetBetweenTwoWalls) {
   const auto made = split(box(Shape::Hexahedron, 3, 1, 2, tag_of), geometric(2, 3));
   ASSERT_TRUE(made) << made.error().sentence;
   EXPECT_EQ(levels(made->mesh), (std::set<double>{0, 0.125, 0.5, 0.875, 1}));
-  LayerSplit given = geometric(0, 0);
-  given.heights = {.layers = 0, .first = 0, .growth = 0, .heights = {0.1, 0.2}};
+  LayerOptions given = geometric(0, 0);
+  given.heights = {0.1, 0.2};
   const auto left = split(box(Shape::Hexahedron, 3, 1, 2, tag_of), given);
   ASSERT_TRUE(left) << left.error().sentence;
   EXPECT_EQ(levels(left->mesh), (std::set<double>{0, 0.1, 0.3, 0.7, 0.9, 1}));
@@ -205,7 +205,7 @@ TEST(SplitLayers, MoveThePartnersOfPeriodicNodes) {
 }
 
 TEST(SplitLayers, OfSeveralRowsBeginAndEndWhereRowsDo) {
-  LayerSplit wanted = geometric(6, 1.5);
+  LayerOptions wanted = geometric(6, 1.5);
   wanted.rows = 2;
   const HighOrderMesh mesh = bent(box(Shape::Prism, 3, 3, 2), 2);
   const auto made = split(mesh, wanted);
@@ -259,21 +259,21 @@ TEST(SplitLayers, LieInThePlaneOfTheirMesh) {
 }
 
 TEST(SplitLayers, RefuseWhatTheyCannotDo) {
-  const auto sentence = [](const HighOrderMesh& mesh, const LayerSplit& wanted) {
+  const auto sentence = [](const HighOrderMesh& mesh, const LayerOptions& wanted) {
     const auto made = split(mesh, wanted);
     return made ? std::string() : made.error().sentence;
   };
   const HighOrderMesh quads = box(Shape::Quadrilateral, 3, 2);
-  LayerSplit unknown = geometric(3, 2);
+  LayerOptions unknown = geometric(3, 2);
   unknown.walls = {"wing"};
   EXPECT_EQ(sentence(quads, unknown), "There is no wall 'wing'. The boundary elements of the mesh have the tags 7, 8.");
-  LayerSplit high = geometric(3, 0);
-  high.heights.first = 0.2;
+  LayerOptions high = geometric(3, 0);
+  high.first = 0.2;
   EXPECT_EQ(
       sentence(quads, high),
       "The layers do not fit at node 1 of the wall: the cells are 0.5 high there. Give fewer or lower layers, or a "
       "thicker row of cells.");
-  LayerSplit rows = geometric(3, 2);
+  LayerOptions rows = geometric(3, 2);
   rows.rows = 3;
   EXPECT_EQ(sentence(quads, rows).substr(0, 55), "There are only 2 rows of cells above the wall, at eleme");
   const std::vector<Place> places{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};

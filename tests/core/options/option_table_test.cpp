@@ -67,6 +67,7 @@ TEST(OptionTable, HelpsInOneSentenceWithoutAFullStop) {
   };
   check(option_table());
   check(geometry_option_table());
+  check(layer_option_table());
 }
 
 TEST(GeometryOptionTable, HasTheDefaultsAndWordsOfTheStruct) {

@@ -86,6 +86,40 @@ TEST(OptionMessages, BringAGeometryThrough) {
   EXPECT_EQ(options_from(message).error().metadata.at("option"), "slide");
 }
 
+TEST(OptionMessages, HaveTheFieldsOfLayersAndBringThemThrough) {
+  const auto* descriptor = v1::Layers::descriptor();
+  for (const LayerOption& option : layer_option_table())
+    EXPECT_NE(descriptor->FindFieldByName(std::string(option.name)), nullptr) << option.name;
+  EXPECT_EQ(static_cast<std::size_t>(descriptor->field_count()), layer_option_table().size());
+  const auto defaults = options_from(v1::Layers());
+  ASSERT_TRUE(defaults);
+  EXPECT_EQ(defaults->rows, 1);
+  EXPECT_EQ(defaults->spacing, LayerSpacing::Graded);
+  v1::Layers message;
+  message.add_walls("wing");
+  message.add_walls("7");
+  message.set_layers(9);
+  message.set_first(0.25);
+  message.set_growth(1.5);
+  message.add_heights(0.1);
+  message.add_heights(0.2);
+  message.set_rows(2);
+  message.set_spacing(v1::LAYER_SPACING_EVEN);
+  message.set_simplices(true);
+  const auto options = options_from(message);
+  ASSERT_TRUE(options);
+  EXPECT_EQ(options->walls, (std::vector<std::string>{"wing", "7"}));
+  EXPECT_EQ(options->layers, 9);
+  EXPECT_EQ(options->first, 0.25);
+  EXPECT_EQ(options->growth, 1.5);
+  EXPECT_EQ(options->heights, (std::vector<double>{0.1, 0.2}));
+  EXPECT_EQ(options->rows, 2);
+  EXPECT_EQ(options->spacing, LayerSpacing::Even);
+  EXPECT_TRUE(options->simplices);
+  message.set_spacing(static_cast<v1::LayerSpacing>(99));
+  EXPECT_EQ(options_from(message).error().metadata.at("option"), "spacing");
+}
+
 TEST(OptionMessages, LeaveTheDefaultsOfTheLibraryWhereNothingIsSaid) {
   const auto options = options_from(v1::Options());
   ASSERT_TRUE(options);

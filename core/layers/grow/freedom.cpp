@@ -1,0 +1,171 @@
+#include "core/layers/grow/freedom.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "core/base/index.h"
+#include "core/layers/facet_table.h"
+#include "core/reference/nodes.h"
+
+namespace varimesh::detail {
+namespace {
+
+using Vector = Eigen::Vector3d;
+
+/// Two planes are the same if the sine of their angle is at most this.
+constexpr double kSamePlane = 1e-4;
+/// An element is plane if its nodes are at most this share of its size off its plane.
+constexpr double kPlane = 1e-6;
+
+/// What lies around a vertex on the boundary.
+struct Around {
+  struct Face {
+    Vector normal;
+    std::set<int> entities;
+  };
+  std::vector<Face> faces;  ///< One for each plane.
+  bool is_curved = false;
+  bool is_on_wall = false;
+
+  void add(const Vector& normal, int entity) {
+    for (Face& face : faces)
+      if (face.normal.cross(normal).norm() <= kSamePlane) {
+        face.entities.insert(entity);
+        return;
+      }
+    faces.push_back({normal, {entity}});
+  }
+
+  Freedom freedom(int dimension) const {
+    Freedom all;
+    all.count = dimension;
+    for (int d = 0; d < dimension; ++d) all.along[at(d)] = Vector::Unit(d);
+    if (faces.empty() && !is_curved) return all;
+    const bool has_border =
+        !is_on_wall && std::ranges::any_of(faces, [](const Face& face) { return face.entities.size() > 1; });
+    if (is_curved || has_border) return {};
+    return dimension == 2 ? along_line() : along_planes();
+  }
+
+ private:
+  Freedom along_line() const {
+    Freedom one;
+    one.count = faces.size() == 1 ? 1 : 0;
+    one.along[0] = faces[0].normal.cross(Vector(0, 0, 1)).normalized();
+    return one;
+  }
+
+  Freedom along_planes() const {
+    Freedom found;
+    if (faces.size() == 1) {
+      found.count = 2;
+      found.along[0] = faces[0].normal.unitOrthogonal();
+      found.along[1] = faces[0].normal.cross(found.along[0]);
+      return found;
+    }
+    const Vector line = faces[0].normal.cross(faces[1].normal).normalized();
+    const bool share_a_line =
+        std::ranges::all_of(faces, [&](const Face& face) { return std::abs(face.normal.dot(line)) <= kSamePlane; });
+    found.count = share_a_line ? 1 : 0;
+    found.along[0] = line;
+    return found;
+  }
+};
+
+/// The unit normal of a facet, and whether the facet is plane.
+struct Side {
+  Vector normal;
+  bool is_plane = true;
+};
+
+Side side_of(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_t> nodes) {
+  const Vector from = point(mesh, nodes[0]), a = point(mesh, nodes[1]) - from;
+  const bool is_line = shape == Shape::Line;
+  const Vector b = is_line ? Vector(0, 0, 1) : Vector(point(mesh, nodes[2]) - from);
+  const double size = std::max(a.norm(), is_line ? 0 : b.norm());
+  Side side{a.cross(b).normalized(), true};
+  for (const std::int32_t node : nodes)
+    side.is_plane = side.is_plane && std::abs((point(mesh, node) - from).dot(side.normal)) <= kPlane * size;
+  return side;
+}
+
+}  // namespace
+
+Vector Freedom::project(const Vector& displacement) const {
+  Vector sum = Vector::Zero();
+  for (int d = 0; d < count; ++d) sum += along[at(d)].dot(displacement) * along[at(d)];
+  return sum;
+}
+
+Freedoms::Freedoms(const CheckedMesh& checked, std::span<const WallElement> walls) {
+  const HighOrderMesh& mesh = checked.mesh;
+  const Facets& facets = checked.facets;
+  find_masters(mesh);
+  std::set<std::int32_t> wall_facets;
+  for (const WallElement& wall : walls) wall_facets.insert(wall.facet);
+  const Cells elements(mesh, mesh.dimension - 1), cells(mesh, mesh.dimension);
+  std::map<std::int32_t, int> entity_of;  // by facet, if it has an element
+  for (const auto& [facet, element] : facets.elements) entity_of[facet] = elements.range_of(at(element)).block->entity;
+  std::map<std::int32_t, Around> around;  // by the first of vertices that move alike
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
+    for (std::int32_t facet = facets.first[cell]; facet < facets.first[cell + 1]; ++facet) {
+      const auto entity = entity_of.find(facet);
+      if (facets.neighbour[at(facet)] >= 0 && entity == entity_of.end()) continue;
+      const int local = facet - facets.first[cell];
+      const Shape shape = reference::info(cells.shape(cell)).facets[at(local)].shape;
+      std::vector<std::int32_t> nodes;
+      for (const int k : reference::facet_nodes(cells.shape(cell), mesh.order, local))
+        nodes.push_back(cells.nodes(cell)[at(k)]);
+      const bool is_wall = wall_facets.contains(facet);
+      const Side side = side_of(mesh, shape, nodes);
+      for (int v = 0; v < reference::info(shape).vertices; ++v) {
+        Around& here = around[master(nodes[at(v)])];
+        if (is_wall)
+          here.is_on_wall = true;
+        else if (side.is_plane)
+          here.add(side.normal, entity == entity_of.end() ? 0 : entity->second);
+        else
+          here.is_curved = true;
+      }
+    }
+  const Freedom all = Around().freedom(mesh.dimension);
+  freedoms_.assign(mesh.node_count(), all);
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    const auto found = around.find(master_[n]);
+    if (found != around.end()) freedoms_[n] = found->second.freedom(mesh.dimension);
+    if (stays_[at(master_[n])] != 0) freedoms_[n] = {};
+  }
+}
+
+void Freedoms::find_masters(const HighOrderMesh& mesh) {
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) master_.push_back(static_cast<std::int32_t>(n));
+  stays_.assign(mesh.node_count(), 0);
+  const auto first = [&](std::int32_t node) {
+    while (master_[at(node)] != node) node = master_[at(node)];
+    return node;
+  };
+  for (const PeriodicLink& link : mesh.periodic) {
+    if (link.nodes.empty()) continue;
+    const auto shift = [&](const std::pair<std::int32_t, std::int32_t>& pair) {
+      return Vector(point(mesh, pair.first) - point(mesh, pair.second));
+    };
+    const Vector by = shift(link.nodes.front());
+    const bool is_translation = std::ranges::all_of(
+        link.nodes, [&](const auto& pair) { return (shift(pair) - by).norm() <= kPlane * by.norm(); });
+    for (const auto& [node, image] : link.nodes) {
+      const auto [low, high] = std::minmax(first(node), first(image));
+      if (is_translation)
+        master_[at(high)] = low;
+      else
+        stays_[at(node)] = stays_[at(image)] = 1;
+    }
+  }
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    master_[n] = first(static_cast<std::int32_t>(n));
+    if (stays_[n] != 0) stays_[at(master_[n])] = 1;
+  }
+}
+
+}  // namespace varimesh::detail

@@ -1,0 +1,44 @@
+// Which ways the vertices of a mesh may move so that its boundary keeps its shape. Internal to core/layers.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/layers/walls.h"
+#include "core/mesh/checked_mesh.h"
+
+namespace varimesh::detail {
+
+/// The directions in which a vertex may move.
+struct Freedom {
+  int count = 0;
+  std::array<Eigen::Vector3d, 3> along{};  ///< The first `count` are orthonormal.
+
+  /// The part of a displacement that is allowed.
+  Eigen::Vector3d project(const Eigen::Vector3d& displacement) const;
+};
+
+/// By node, for vertices of cells. A vertex inside the mesh may move in all directions of the mesh. A vertex on the
+/// boundary, besides the walls, or on an interface may move in the planes in which the elements around it lie, if the
+/// elements of each plane belong to one entity. It stays where elements are curved, at corners, and where a periodic
+/// link that is no translation has it. A vertex at the end of a wall may also move along elements of two entities.
+class Freedoms {
+ public:
+  Freedoms(const CheckedMesh& mesh, std::span<const WallElement> walls);
+
+  const Freedom& of(std::int32_t vertex) const { return freedoms_[std::size_t(vertex)]; }
+  /// The first of the vertices that are images of each other under periodic links, and so move alike.
+  std::int32_t master(std::int32_t vertex) const { return master_[std::size_t(vertex)]; }
+
+ private:
+  void find_masters(const HighOrderMesh& mesh);
+
+  std::vector<Freedom> freedoms_;
+  std::vector<std::int32_t> master_;
+  std::vector<char> stays_;
+};
+
+}  // namespace varimesh::detail

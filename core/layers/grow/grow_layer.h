@@ -1,0 +1,39 @@
+// Grows a thick layer on walls that have none.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string>
+
+#include "core/base/team.h"
+#include "core/mesh/checked_mesh.h"
+
+namespace varimesh {
+
+/// A mesh with a row of thick cells on its walls.
+struct GrownLayer {
+  HighOrderMesh mesh;
+  std::array<double, 2> thickness{};  ///< The smallest and the largest, in the mesh's unit of length.
+  double full_share = 0;              ///< The share of the walls' area on which it is within 5 % of what was asked for.
+  std::string sentence;               ///< For humans: how thick it is, and where it is thinnest.
+};
+
+/// Puts a row of quadrilaterals, prisms or hexahedra on the boundary elements of the walls, along directions that see
+/// all elements around a vertex of the wall best. Its thickness is measured along the normals of the wall; at convex
+/// edges and in concave corners the sides of its cells are up to twice as long. The rest of the mesh moves away as a
+/// linear elastic body in which small cells are stiff. Where the wall ends at a plane boundary, the row follows the
+/// plane, and nodes of the plane move in it.
+///
+/// The row gets thinner where columns would cross, where cells beyond it would be crushed, and where a cell of it would
+/// not be certified valid, or a cell that was certified valid would no longer be.
+///
+/// The nodes of the walls stay, bit for bit. The mesh stays conforming, and keeps groups, numbers of elements and
+/// periodic pairs. New elements and nodes come last. The result does not depend on the number of threads.
+/// Do not call it inside team.run().
+/// Errors: BadOption and BadInput for walls that do not exist, or on which no layer can grow.
+/// @param walls      as LayerOptions::walls
+/// @param thickness  in the mesh's unit of length
+Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,
+                                const Team& team);
+
+}  // namespace varimesh
