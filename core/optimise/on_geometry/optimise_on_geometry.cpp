@@ -19,8 +19,8 @@ namespace {
 
 /// Of the time that is left: what a run takes at most if another may follow.
 constexpr double kMostShare = 0.75;
-/// The same of splits inside, because refining follows, which takes a run for each round.
-constexpr double kMostShareToSplitInside = 0.5;
+/// The same if elements may be split afterwards, which takes a run for each round.
+constexpr double kMostShareBeforeRefining = 0.5;
 /// Of the time of a run: what sliding takes at most.
 constexpr double kMostToSlide = 0.75;
 /// A limit of time that is over. 0 would mean no limit.
@@ -55,24 +55,21 @@ class Runs {
 
   Expected<ResultOnGeometry> run() {
     const bool is_only_run = geometry_.slide == SlideOn::None;
-    auto first = run(mesh_, geometry_.slide, is_only_run ? 1 : kMostShare);
+    auto first = run(mesh_, geometry_.slide, refines_ ? kMostShareBeforeRefining : is_only_run ? 1 : kMostShare);
     if (!first) return tl::unexpected(first.error());
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
     is_first_ = false;
-    // What finds fewer elements without refining comes first and has the same time, so that refining never leaves more.
-    // The run without sliding would take all the time that is left, and it hardly ever does.
+    // Refining helps sooner than the other ways to slide, but adds elements.
     const bool is_in_haste = refines_ && options_.time_limit > 0;
-    if (!is_only_run) try_together();
-    if (!is_only_run && !is_in_haste) try_without();
+    if (!is_only_run && !is_in_haste) try_others();
     if (refines_ && left(best_.result) > 0 && may_be_split()) {
       options_.repair = Repair::Split;
-      const bool moved_together = !best_.trials.empty() && best_.trials[0].outcome == SlideTrial::Outcome::Taken;
-      if (!is_in_haste || !moved_together) split_inside();  // it would begin with the worse boundary
+      split_inside();
       refine();
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
-    if (!is_only_run && is_in_haste) try_without();
+    if (!is_only_run && is_in_haste) try_others();
     if (refinement_) {
       tell(*refinement_);
       if (best_.slid) best_.slid->slid.sentences.push_back(*refinement_);
@@ -96,18 +93,12 @@ class Runs {
   /// Of the time limit, in seconds. Runs that go on from a checkpoint have spent more than has passed since.
   double spent() const { return std::max(spent_, watch_.seconds()); }
 
-  /// If sliding was cut short, the mesh was optimised as it came, and to slide once more would take no less time.
-  bool has_slid() const { return best_.slid && !best_.slid->slid.is_cut_short; }
-
-  void try_together() {
-    const bool may = geometry_.slide == SlideOn::Auto && !geometry_.on_boundary() && mesh_.dimension == 3;
-    if (may && has_slid() && is_weak(best_.result))
-      try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
-  }
-
-  void try_without() {
-    if (!has_slid()) return;
+  void try_others() {
+    // If sliding was cut short, the mesh was optimised as it came, and to slide once more would take no less time.
+    if (!best_.slid || best_.slid->slid.is_cut_short) return;
     if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
+    if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto && mesh_.dimension == 3)
+      try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
     if (left(best_.result) > 0) try_other(SlideOn::None, {}, 1);
   }
 
@@ -173,7 +164,7 @@ class Runs {
   /// Lets the same run split edges and faces inside the mesh, which adds fewer elements where it helps.
   void split_inside() {
     if (mesh_.dimension != 3 || !may_go_on()) return;
-    auto split = run(mesh_, geometry_.slide, kMostShareToSplitInside);
+    auto split = run(mesh_, geometry_.slide, kMostShareBeforeRefining);
     if (!split || split->cut_short != StopToken::Reason::None) return;
     is_stopped_ = split->result.stopped;
     if (!is_stopped_ && may_have(split->result.mesh) &&

@@ -333,37 +333,6 @@ TEST(OptimiseOnGeometry, RefinesNothingIfNothingIsLeftOrTheMeshMayNotGrow) {
       stays.result.repairs, [](const RepairStep& step) { return step.sentence.starts_with("The boundary edge"); }));
 }
 
-TEST(OptimiseOnGeometry, GivesTheFirstRunAsMuchTimeBeforeRefiningAsWithoutIt) {
-  // The second iteration begins after 57 % of the time. The mesh may not grow, so the result is that of the first run.
-  Options options;
-  options.time_limit = 3;
-  options.repair = Repair::Refine;
-  GeometryOptions all;
-  all.slide = SlideOn::All;
-  all.growth = 1;
-  const auto slowly = [](const Iteration&) {
-    std::this_thread::sleep_for(std::chrono::duration<double>(1.7));
-    return Control::Continue;
-  };
-  const auto done = optimise_on_geometry(DiscMesh(3, 3).mesh(), options, all, &cylinder(), slowly);
-  ASSERT_TRUE(done) << done.error().sentence;
-  EXPECT_EQ(done->result.iterations, 2);
-}
-
-TEST(OptimiseOnGeometry, MovesAllNodesTogetherBeforeRefiningIfThereIsALimitOfTime) {
-  Options options;
-  options.time_limit = 1000;
-  const auto plain = optimise_on_geometry(DiscMesh(3, 3).mesh(), options, {}, &cylinder());
-  options.repair = Repair::Refine;
-  const auto done = optimise_on_geometry(DiscMesh(3, 3).mesh(), options, {}, &cylinder());
-  ASSERT_TRUE(plain && done);
-  ASSERT_FALSE(done->trials.empty());
-  EXPECT_EQ(done->trials[0].slide, SlideOn::Coupled);
-  EXPECT_EQ(done->trials[0].left_before, plain->trials[0].left_before);
-  EXPECT_EQ(done->trials[0].left, plain->trials[0].left);
-  EXPECT_EQ(left(done->result), 0);
-}
-
 TEST(OptimiseOnGeometry, RefinesNoMeshWithoutAModel) {
   Options options;
   options.repair = Repair::Refine;
