@@ -141,6 +141,7 @@ class Unpacker {
   /// Calls body(record) for each record; `each`: how many values of the list it makes.
   template <class Record, class T, class Body>
   void for_each(std::vector<T>& list, std::size_t each, const Body& body) {
+    begun_ = list.size();
     unpack_nektar(file_.bytes, list_.text, sizeof(Record), [&](std::string_view bytes, std::size_t done) {
       {
         const std::lock_guard lock(shared_.mutex);
@@ -165,7 +166,7 @@ class Unpacker {
     const std::size_t before = values.capacity(), size = values.size() + more;
     if (size <= before) return;
     constexpr double kMore = 1.02;
-    const auto whole = std::size_t(kMore * double(size) / std::max(done_, 1e-3));
+    const auto whole = begun_ + std::size_t(kMore * double(size - begun_) / std::max(done_, 1e-3));
     const std::size_t wanted = std::max({size, whole, before + before / 16});
     const std::lock_guard lock(shared_.mutex);
     shared_.allowance.take(wanted, sizeof(T));
@@ -177,7 +178,8 @@ class Unpacker {
   const NektarPackedList& list_;
   SharedAllowance& shared_;
   Scanner scan_;
-  double done_ = 0;  // the part of the text that has been unpacked
+  double done_ = 0;        // the part of the text that has been unpacked
+  std::size_t begun_ = 0;  // how many values the texts before this one have made
 };
 
 }  // namespace

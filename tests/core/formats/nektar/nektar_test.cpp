@@ -260,5 +260,13 @@ TEST(Nektar, SaysWhatItLeavesOut) {
             "elements; the file leaves them out.");
 }
 
+TEST(Nektar, FacesOfSeveralShapesTakeNoMoreMemoryThanTheyNeed) {
+  // The room for the second list of faces was guessed from the first as well: hundreds of times too much.
+  const HighOrderMesh mesh = testing::grid(Filling::Prisms, {200, 200, 3}, 1);
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Nektar));
+  EXPECT_EQ(back.node_count(), mesh.node_count());
+  EXPECT_EQ(Cells(back, 3).count(), Cells(mesh, 3).count());
+}
+
 }  // namespace
 }  // namespace varimesh
