@@ -58,6 +58,8 @@ constexpr std::array kExamples{
             "varimesh quality wing.msh --diagnose -o marked.vtu"},
     Example{"layers", "split one thick layer at the wing into 20 thin ones",
             "varimesh layers thick.msh --wall wing --layers 20 --first 1e-5 -o thin.msh"},
+    Example{"layers", "grow a thick layer on a mesh of triangles or tetrahedra first",
+            "varimesh layers tetrahedra.msh --wall wing --grow 0.05 --layers 20 --first 1e-5 -o thin.msh"},
     Example{"layers", "choose the first height such that y+ is 1",
             "varimesh layers thick.msh --wall wing --reynolds 1e6 --length 1 --growth 1.3 -o thin.msh"},
     Example{"convert", "write a mesh for ParaView", "varimesh convert wing.msh wing.vtu"},

@@ -1,6 +1,8 @@
 #include "client/cli/parser.h"
 
 #include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <type_traits>
 
@@ -16,6 +18,11 @@ std::string refusal_unless_utf8(const std::string& value) {
   return is_utf8(value) ? ""
                         : "'" + as_utf8(value) +
                               "' is not UTF-8 and cannot be sent; a physical group can also be named by its tag.";
+}
+
+/// The parser's ranges let NaN pass. The text is that of its ranges.
+std::string refuse_nan(const std::string& value) {
+  return std::isnan(std::strtod(value.c_str(), nullptr)) ? "Value " + value + " not in range 0 to 1e308" : "";
 }
 
 std::string name_standard_input(std::string& value) {
@@ -88,17 +95,17 @@ Flag& Flag::from(int least, int most) {
 }
 
 Flag& Flag::from(double least, double most) {
-  option_->check(CLI::Range(least, most));
+  option_->check(CLI::Range(least, most))->check(refuse_nan);
   return *this;
 }
 
 Flag& Flag::positive() {
-  option_->check(CLI::PositiveNumber);
+  option_->check(CLI::PositiveNumber)->check(refuse_nan);
   return *this;
 }
 
 Flag& Flag::not_negative() {
-  option_->check(CLI::NonNegativeNumber);
+  option_->check(CLI::NonNegativeNumber)->check(refuse_nan);
   return *this;
 }
 

@@ -3,7 +3,6 @@
 #include <iostream>
 #include <set>
 
-#include "client/runs/layer_flags.h"
 #include "client/cli/names.h"
 #include "client/cli/option_flags.h"
 #include "client/commands/commands.h"
@@ -13,6 +12,7 @@
 #include "client/jobs/remote_job.h"
 #include "client/local/local.h"
 #include "client/process/exit_status.h"
+#include "client/runs/layer_flags.h"
 #include "core/base/utf8.h"
 
 namespace varimesh::client {

@@ -177,7 +177,7 @@ Json document(const v1::Metrics& metrics) {
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
   if (metrics.has_geometry()) result["geometry"] = geometry_document(metrics.geometry());
   if (metrics.slide_trials_size() > 0) result["slide_trials"] = trials_document(metrics);
-  if (metrics.has_layers()) {
+  if (metrics.layers().has_thick()) {
     result["layers"] = document(metrics.layers());
     result["layers"]["thick"] = quality_document(metrics.layers().thick());
   }

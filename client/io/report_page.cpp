@@ -204,6 +204,12 @@ Json origin_document(const v1::Job& job, const std::string& input, const std::st
   return origin;
 }
 
+/// Adds what came of layers, one line each.
+void add_layers_text(const v1::LayersReport& layers, Report& report) {
+  std::istringstream lines(layers_text(layers));
+  for (std::string line; std::getline(lines, line);) report.document["layers_text"].push_back(line);
+}
+
 /// The last part of the path, by which a reader knows the mesh.
 std::string title_of(const std::string& input) { return std::filesystem::path(input).filename().string(); }
 
@@ -221,10 +227,7 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   report.document = document(job.metrics());
   for (const std::string& text : {objective_text(job.metrics(), job.spec().options()), worse_text(job.metrics())})
     if (!text.empty()) report.document["aims"].push_back(text);
-  if (job.metrics().has_layers()) {
-    std::istringstream lines(layers_text(job.metrics().layers()));
-    for (std::string line; std::getline(lines, line);) report.document["layers_text"].push_back(line);
-  }
+  if (job.metrics().layers().has_thick()) add_layers_text(job.metrics().layers(), report);
   for (const auto& [snapshot, quality] :
        {std::pair{"before", &job.metrics().before()}, std::pair{"after", &job.metrics().after()}})
     report.histograms[snapshot] = std::vector<std::int64_t>(quality->histogram().begin(), quality->histogram().end());
@@ -250,10 +253,12 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
 
 Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,
                                     const MeshSummary& summary, const QualityReport& quality,
-                                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left) {
+                                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left,
+                                    const v1::LayersReport* layers) {
   Report report;
   report.title = title_of(input);
   report.document = document(summary, quality, groups, left);
+  if (layers != nullptr) add_layers_text(*layers, report);
   report.histograms["before"] = quality.histogram;
   report.origin.push_back({"mesh", input});
   report.origin.push_back({"varimesh, the command", std::string(version())});

@@ -23,8 +23,10 @@ std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> form
 Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path);
 
 /// Writes the page about the quality of `mesh` to `path`. `input` is the name of the mesh. Errors: Output, BadInput.
+/// @param layers  what came of layers that were made; may be null
 Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,
                                     const MeshSummary& summary, const QualityReport& quality,
-                                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left);
+                                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left,
+                                    const v1::LayersReport* layers = nullptr);
 
 }  // namespace varimesh::client

@@ -101,14 +101,14 @@ std::string loss_text(const v1::QualityReport& quality) {
 
 /// The quality with which the run ended: that of the result, or before the result was split into layers.
 const v1::QualityReport& at_end_of_run(const v1::Metrics& metrics) {
-  return metrics.has_layers() ? metrics.layers().thick() : metrics.after();
+  return metrics.layers().has_thick() ? metrics.layers().thick() : metrics.after();
 }
 
 /// A table of the quality before and after, and with layers if there are some.
 std::string figures(const v1::Metrics& metrics) {
   std::vector<std::pair<std::string, const v1::QualityReport*>> columns{{"before", &metrics.before()},
                                                                         {"after", &at_end_of_run(metrics)}};
-  if (metrics.has_layers()) columns.emplace_back("layers", &metrics.after());
+  if (metrics.layers().has_thick()) columns.emplace_back("layers", &metrics.after());
   const auto row = [&](const char* name, const auto& text_of) {
     std::string line = fmt::format("{:<24}", name);
     for (const auto& [heading, quality] : columns) line += fmt::format("  {:>10}", text_of(*quality));
@@ -187,7 +187,11 @@ std::string layers_text(const v1::LayersReport& report) {
   if (report.layers() > 1)
     text += fmt::format(", growth {}, highest {}", range_text(report.growth()), range_text(report.last_height()));
   if (report.leaves_cells()) text += "; what was left of the thick cells is one more cell";
-  text += fmt::format("\nelements   {} before, {} after", report.elements_before(), report.elements_after());
+  text += report.has_grown()
+              ? fmt::format("\nelements   {} before, {} with the row that was grown, {} with layers",
+                            report.elements_before() - report.wall_elements(), report.elements_before(),
+                            report.elements_after())
+              : fmt::format("\nelements   {} before, {} after", report.elements_before(), report.elements_after());
   if (report.split_beside() > 0)
     text += fmt::format("; {} of the {} that were split lie beside the wall and were split so that the mesh conforms",
                         report.split_beside(), report.split());
@@ -219,7 +223,7 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
          fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
                      metrics.residual(), ending(metrics)) +
          objective + (objective.empty() ? "" : "\n") + figures(metrics) + worse + (worse.empty() ? "" : "\n") +
-         (metrics.has_layers() ? layers_text(metrics.layers()) : "") +
+         (metrics.layers().has_thick() ? layers_text(metrics.layers()) : "") +
          joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +

@@ -45,7 +45,9 @@ void print_interruption(const v1::Job& job, bool was_cut_short, const std::vecto
   for (const Output& output : outputs) written += (written.empty() ? "" : ", ") + output.path;
   const int iterations = job.metrics().iterations();
   std::cerr << "varimesh: interrupted"
-            << (!was_cut_short    ? " after the run had ended; its result is in "
+            << (!was_cut_short ? " after the run had ended; its result is in "
+                : iterations == 0 && job.metrics().layers().has_grown()
+                    ? " before the first iteration; the mesh with its grown layer is in "
                 : iterations == 0 ? " before the first iteration; the mesh as it came is in "
                 : iterations == 1 ? " after 1 iteration; the best mesh so far is in "
                                   : " after " + std::to_string(iterations) + " iterations; the best mesh so far is in ")

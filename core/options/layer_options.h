@@ -39,6 +39,9 @@ struct LayerOptions {
   double grow = 0;
   bool simplices = false;  ///< Cut all cells of the result into triangles or tetrahedra.
 
+  /// The height of all layers together, as far as it is known without a column; 0: they fill a column, and the first
+  /// height and the number do not tell.
+  double height() const;
   /// Whether the layers fill a column whatever its height is.
   bool fills() const { return heights.empty() && (layers == 0 || first == 0 || growth == 0) && layers != 1; }
 };

@@ -248,13 +248,27 @@ Expected<std::optional<LayerOptions>> layers_of(const RunRequest& request) {
   return std::optional(std::move(*options));
 }
 
-/// Grows thick cells on the walls, if that is wanted. `metrics` gets what came of it.
-Expected<void> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOptions>& layers, int threads,
+/// Grows thick cells on the walls, if that is wanted, and takes the time from the time limit. `metrics` gets what came
+/// of it. False if the run was stopped.
+Expected<bool> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOptions>& layers, Options& options,
                                 const RunHooks& hooks, v1::Metrics& metrics) {
-  if (!layers || layers->grow == 0) return {};
-  const Team team(threads);
-  auto grown = grow_layer(mesh, layers->walls, layers->grow, team);
+  if (!layers || layers->grow == 0) return true;
+  StopToken stop(
+      [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
+  if (options.time_limit > 0) stop.stop_after(options.time_limit);
+  const Stopwatch watch;
+  Team team(options.threads);
+  team.set_stop(&stop);
+  Expected<GrownLayer> grown;
+  try {
+    grown = grow_layer(mesh, layers->walls, layers->grow, team);
+  } catch (const Interrupted&) {
+    if (stop.reason() == StopToken::Reason::TimeLimit)
+      return bad_input("The time limit passed while the layer was grown; allow more seconds, or none (0).");
+    return false;
+  }
   if (!grown) return tl::unexpected(grown.error());
+  team.set_stop(nullptr);
   if (hooks.on_note) hooks.on_note(grown->sentence);
   metrics.mutable_layers()->mutable_grown()->set_least(grown->thickness[0]);
   metrics.mutable_layers()->mutable_grown()->set_most(grown->thickness[1]);
@@ -262,7 +276,8 @@ Expected<void> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOpti
   auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
   if (!checked) return tl::unexpected(checked.error());
   mesh = std::move(*checked);
-  return {};
+  if (options.time_limit > 0) options.time_limit = std::max(1e-9, options.time_limit - watch.seconds());
+  return true;
 }
 
 /// Splits thick cells of the result into layers, if that is wanted. `metrics` gets what came of it.
@@ -338,8 +353,9 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (!admitted) return tl::unexpected(admitted.error());
   if (!*admitted || (hooks.given_up && hooks.given_up())) return RunOutcome(stopped_early());
   v1::Metrics of_job;  // what the library's run knows nothing of
-  if (const auto grown = grow_thick_cells(*checked, *layers, request.options.threads, hooks, of_job); !grown)
-    return tl::unexpected(grown.error());
+  const auto grown = grow_thick_cells(*checked, *layers, request.options, hooks, of_job);
+  if (!grown || !*grown)
+    return grown ? Expected<RunOutcome>(RunOutcome(stopped_early())) : tl::unexpected(grown.error());
   note_straight_boundary(mesh, request, hooks);
   const int most = most_threads(pairs_of_nodes(mesh, in_the_end), kPairsPerThread);
   RunControl control = hooks.control;

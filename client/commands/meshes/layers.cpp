@@ -2,7 +2,6 @@
 #include <iostream>
 
 #include "client/cli/common_flags.h"
-#include "client/runs/layer_flags.h"
 #include "client/commands/commands.h"
 #include "client/io/documents.h"
 #include "client/io/inputs.h"
@@ -12,6 +11,7 @@
 #include "client/local/local.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "client/runs/layer_flags.h"
 #include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/reading_notes.h"
@@ -65,8 +65,8 @@ int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format
     out << layers_text(made) << summary(*mesh, found);
   }
   if (!arguments.report.empty())
-    if (const auto written =
-            write_quality_report(arguments.report, arguments.input, std::move(file.mesh), *mesh, found, {}, left);
+    if (const auto written = write_quality_report(arguments.report, arguments.input, std::move(file.mesh), *mesh, found,
+                                                  {}, left, &made);
         !written)
       return print_error(written.error());
   if (!found.uncertified.empty())
@@ -123,7 +123,8 @@ int layers(Arguments arguments) {
 
 Action add_layers(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  Command command = program.add_command("layers", "Split thick cells at a wall into thin boundary layers");
+  Command command =
+      program.add_command("layers", "Split thick cells at a wall into thin boundary layers, or grow such cells first");
   command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
   command.add("-o,--output", &arguments->output, "The file to write").required().value("OUT");
   add_layer_flags(command, &arguments->layers, true);

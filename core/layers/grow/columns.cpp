@@ -89,12 +89,12 @@ Expected<GrowthColumns> GrowthColumns::find(const CheckedMesh& checked, std::spa
       return bad_input("No layer can grow at node " + std::to_string(mesh.node_numbers[at(vertex)]) + " of the wall. " +
                        (freedoms.of(vertex).count == mesh.dimension
                             ? "Elements of the wall around it face in opposite directions."
-                            : "The wall ends there at a boundary or an interface that is curved, that has corners, or "
-                              "that goes on in "
-                              "the direction of the wall. Name that boundary as a wall too."));
+                            : "The wall ends there at a boundary or an interface that is curved, that has corners, "
+                              "that is periodic by a rotation, or that goes on in the direction of the wall. If it "
+                              "goes on, name it as a wall too."));
     const double asked = thickness / std::max(least, kMostLean);
     found.column_of_[at(vertex)] = static_cast<std::int32_t>(found.columns_.size());
-    found.columns_.push_back({vertex, direction, asked, asked});
+    found.columns_.push_back({vertex, direction, least, asked, asked});
   }
   for (std::size_t c = 0; c < found.columns_.size(); ++c)
     if (const std::int32_t master = found.column_of_[at(freedoms.master(found.columns_[c].vertex))];

@@ -18,7 +18,8 @@ namespace varimesh::detail {
 struct GrowthColumn {
   std::int32_t vertex = -1;
   Eigen::Vector3d direction;  ///< Of unit length.
-  double asked = 0;  ///< The length at which the layer has its thickness along the normals of the elements around.
+  double seen = 1;            ///< The smallest dot product of the direction and a normal of an element around.
+  double asked = 0;           ///< The length that gives the layer its thickness, or is the most that it may have.
   double length = 0;
 };
 

@@ -99,11 +99,12 @@ int ElasticMove::steps(std::span<const Push> pushes) const {
   return static_cast<int>(std::ceil(std::min<double>(most, kMostSteps)));
 }
 
-ElasticMove::Outcome ElasticMove::move(std::span<const Push> pushes) const {
+ElasticMove::Outcome ElasticMove::move(std::span<const Push> pushes, const StopToken* stop) const {
   Outcome outcome;
   Places places = came_;
   const int count = steps(pushes);
   for (int step = 0; step < count && outcome.crushed.empty(); ++step) {
+    look(stop);
     this->step(pushes, 1.0 / count, places);
     std::set<std::int32_t> crushed;
     for (const Corner& corner : corners_)

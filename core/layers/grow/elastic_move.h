@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/layers/grow/freedom.h"
 #include "core/mesh/connectivity.h"
 
@@ -33,7 +34,8 @@ class ElasticMove {
     std::vector<std::int32_t> crushed;
   };
   /// Moves vertices as the freedoms allow. Those that are pushed need no freedom.
-  Outcome move(std::span<const Push> pushes) const;
+  /// `stop` may be null; between steps it may interrupt this.
+  Outcome move(std::span<const Push> pushes, const StopToken* stop) const;
 
  private:
   /// A simplex on vertices of a cell: the cell itself, or a corner of it.

@@ -25,7 +25,8 @@ struct Around {
     Vector normal;
     std::set<int> entities;
   };
-  std::vector<Face> faces;  ///< One for each plane.
+  std::vector<Face> faces;      ///< One for each plane.
+  std::vector<Vector> borders;  ///< Directions of edges in which two entities of one plane meet.
   bool is_curved = false;
   bool is_on_wall = false;
 
@@ -43,10 +44,9 @@ struct Around {
     all.count = dimension;
     for (int d = 0; d < dimension; ++d) all.along[at(d)] = Vector::Unit(d);
     if (faces.empty() && !is_curved) return all;
-    const bool has_border =
-        !is_on_wall && std::ranges::any_of(faces, [](const Face& face) { return face.entities.size() > 1; });
-    if (is_curved || has_border) return {};
-    return dimension == 2 ? along_line() : along_planes();
+    const bool has_border = std::ranges::any_of(faces, [](const Face& face) { return face.entities.size() > 1; });
+    if (is_curved || (has_border && borders.empty() && !is_on_wall)) return {};
+    return dimension == 2 ? along_line() : borders.empty() ? along_planes() : along_borders();
   }
 
  private:
@@ -54,6 +54,15 @@ struct Around {
     Freedom one;
     one.count = faces.size() == 1 ? 1 : 0;
     one.along[0] = faces[0].normal.cross(Vector(0, 0, 1)).normalized();
+    return one;
+  }
+
+  Freedom along_borders() const {
+    Freedom one;
+    const auto is_along = [&](const Vector& other) { return other.cross(borders[0]).norm() <= kSamePlane; };
+    const auto lies_in = [&](const Face& face) { return std::abs(face.normal.dot(borders[0])) <= kSamePlane; };
+    one.count = std::ranges::all_of(borders, is_along) && std::ranges::all_of(faces, lies_in) ? 1 : 0;
+    one.along[0] = borders[0];
     return one;
   }
 
@@ -91,6 +100,41 @@ Side side_of(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_
   return side;
 }
 
+/// The facets of the boundary, of walls and of interfaces, each once.
+struct OuterFacet {
+  std::vector<std::int32_t> vertices;
+  Side side;
+  int entity = 0;
+  bool is_wall = false;
+};
+
+std::vector<OuterFacet> outer_facets(const CheckedMesh& checked, std::span<const WallElement> walls) {
+  const HighOrderMesh& mesh = checked.mesh;
+  const Facets& facets = checked.facets;
+  std::set<std::int32_t> wall_facets;
+  for (const WallElement& wall : walls) wall_facets.insert(wall.facet);
+  const Cells elements(mesh, mesh.dimension - 1), cells(mesh, mesh.dimension);
+  std::map<std::int32_t, int> entity_of;  // by facet, if it has an element
+  for (const auto& [facet, element] : facets.elements) entity_of[facet] = elements.range_of(at(element)).block->entity;
+  std::vector<OuterFacet> found;
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
+    for (std::int32_t facet = facets.first[cell]; facet < facets.first[cell + 1]; ++facet) {
+      const auto entity = entity_of.find(facet);
+      const bool is_inside = facets.neighbour[at(facet)] >= 0;
+      if (is_inside && (entity == entity_of.end() || facets.opposite[at(facet)] < facet)) continue;
+      const int local = facet - facets.first[cell];
+      const Shape shape = reference::info(cells.shape(cell)).facets[at(local)].shape;
+      std::vector<std::int32_t> nodes;
+      for (const int k : reference::facet_nodes(cells.shape(cell), mesh.order, local))
+        nodes.push_back(cells.nodes(cell)[at(k)]);
+      OuterFacet outer{{}, side_of(mesh, shape, nodes), 0, wall_facets.contains(facet)};
+      if (entity != entity_of.end()) outer.entity = entity->second;
+      outer.vertices.assign(nodes.begin(), nodes.begin() + reference::info(shape).vertices);
+      found.push_back(std::move(outer));
+    }
+  return found;
+}
+
 }  // namespace
 
 Vector Freedom::project(const Vector& displacement) const {
@@ -101,37 +145,51 @@ Vector Freedom::project(const Vector& displacement) const {
 
 Freedoms::Freedoms(const CheckedMesh& checked, std::span<const WallElement> walls) {
   const HighOrderMesh& mesh = checked.mesh;
-  const Facets& facets = checked.facets;
   find_masters(mesh);
-  std::set<std::int32_t> wall_facets;
-  for (const WallElement& wall : walls) wall_facets.insert(wall.facet);
-  const Cells elements(mesh, mesh.dimension - 1), cells(mesh, mesh.dimension);
-  std::map<std::int32_t, int> entity_of;  // by facet, if it has an element
-  for (const auto& [facet, element] : facets.elements) entity_of[facet] = elements.range_of(at(element)).block->entity;
+  const std::vector<OuterFacet> outer = outer_facets(checked, walls);
   std::map<std::int32_t, Around> around;  // by the first of vertices that move alike
-  for (std::size_t cell = 0; cell < cells.count(); ++cell)
-    for (std::int32_t facet = facets.first[cell]; facet < facets.first[cell + 1]; ++facet) {
-      const auto entity = entity_of.find(facet);
-      if (facets.neighbour[at(facet)] >= 0 && entity == entity_of.end()) continue;
-      const int local = facet - facets.first[cell];
-      const Shape shape = reference::info(cells.shape(cell)).facets[at(local)].shape;
-      std::vector<std::int32_t> nodes;
-      for (const int k : reference::facet_nodes(cells.shape(cell), mesh.order, local))
-        nodes.push_back(cells.nodes(cell)[at(k)]);
-      const bool is_wall = wall_facets.contains(facet);
-      const Side side = side_of(mesh, shape, nodes);
-      for (int v = 0; v < reference::info(shape).vertices; ++v) {
-        Around& here = around[master(nodes[at(v)])];
-        if (is_wall)
-          here.is_on_wall = true;
-        else if (side.is_plane)
-          here.add(side.normal, entity == entity_of.end() ? 0 : entity->second);
-        else
-          here.is_curved = true;
-      }
+  std::map<std::vector<std::int32_t>, std::vector<const OuterFacet*>>
+      at_sides;  // vertices of the plane, edges in space
+  for (const OuterFacet& facet : outer) {
+    const std::size_t count = facet.vertices.size();
+    for (std::size_t v = 0; v < count; ++v) {
+      Around& here = around[master(facet.vertices[v])];
+      if (facet.is_wall)
+        here.is_on_wall = true;
+      else if (facet.side.is_plane)
+        here.add(facet.side.normal, facet.entity);
+      else
+        here.is_curved = true;
+      std::vector<std::int32_t> side{facet.vertices[v]};
+      if (mesh.dimension == 3) side.push_back(facet.vertices[(v + 1) % count]);
+      std::ranges::sort(side);
+      at_sides[side].push_back(&facet);
     }
-  const Freedom all = Around().freedom(mesh.dimension);
-  freedoms_.assign(mesh.node_count(), all);
+  }
+  for (const auto& [side, facets] : at_sides) {
+    const bool is_rim = facets.size() == 1 && !facets[0]->is_wall;  // the end of an interface inside the mesh
+    const bool is_border = mesh.dimension == 3 && facets.size() == 2 && !facets[0]->is_wall && !facets[1]->is_wall &&
+                           facets[0]->entity != facets[1]->entity &&
+                           facets[0]->side.normal.cross(facets[1]->side.normal).norm() <= kSamePlane;
+    for (const std::int32_t vertex : side) {
+      Around& here = around[master(vertex)];
+      if (is_rim && !here.is_on_wall) stays_[at(master(vertex))] = 1;
+      if (is_border) here.borders.push_back(Vector(point(mesh, side[1]) - point(mesh, side[0])).normalized());
+    }
+  }
+  // Points and lines inside the mesh, or inside a plane, stay.
+  for (const ElementBlock& block : mesh.blocks) {
+    const int dimension = reference::info(block.shape).dimension;
+    if (dimension > mesh.dimension - 2) continue;
+    const std::size_t stride = block.size() == 0 ? 1 : block.nodes.size() / block.size();
+    for (std::size_t k = 0; k < block.nodes.size(); ++k) {
+      if (k % stride > 1) continue;  // a line has two vertices
+      const Around& here = around[master(block.nodes[k])];
+      const bool is_on_border = dimension == 1 && (here.faces.size() > 1 || !here.borders.empty());
+      if (!here.is_on_wall && !is_on_border) stays_[at(master(block.nodes[k]))] = 1;
+    }
+  }
+  freedoms_.assign(mesh.node_count(), Around().freedom(mesh.dimension));
   for (std::size_t n = 0; n < mesh.node_count(); ++n) {
     const auto found = around.find(master_[n]);
     if (found != around.end()) freedoms_[n] = found->second.freedom(mesh.dimension);
@@ -155,7 +213,7 @@ void Freedoms::find_masters(const HighOrderMesh& mesh) {
     const bool is_translation = std::ranges::all_of(
         link.nodes, [&](const auto& pair) { return (shift(pair) - by).norm() <= kPlane * by.norm(); });
     for (const auto& [node, image] : link.nodes) {
-      const auto [low, high] = std::minmax(first(node), first(image));
+      const auto [low, high] = std::minmax({first(node), first(image)});
       if (is_translation)
         master_[at(high)] = low;
       else

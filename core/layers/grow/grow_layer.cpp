@@ -25,6 +25,8 @@ using Nodes = std::vector<std::int32_t>;
 constexpr int kMostAttempts = 30;
 /// A layer that is thinner than this share of what was asked for is none.
 constexpr double kThinnest = 1e-3;
+/// A thickness below this share of the mesh's size is a rounding error.
+constexpr double kRounding = 1e-13;
 /// A layer has its full thickness if it has this share of it.
 constexpr double kFull = 0.95;
 
@@ -134,7 +136,10 @@ double area(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_t
 void describe(const HighOrderMesh& mesh, std::span<const detail::WallElement> walls,
               const detail::GrowthColumns& columns, double thickness, GrownLayer& grown) {
   const Cells elements(mesh, mesh.dimension - 1);
-  const auto share = [](const detail::GrowthColumn& column) { return column.length / column.asked; };
+  // Along the normal of the element that leans most against the column.
+  const auto share = [&](const detail::GrowthColumn& column) {
+    return std::min(1.0, column.length * column.seen / thickness);
+  };
   double full = 0, whole = 0;
   for (const detail::WallElement& wall : walls) {
     const auto nodes = elements.nodes(at(wall.element));
@@ -154,7 +159,8 @@ void describe(const HighOrderMesh& mesh, std::span<const detail::WallElement> wa
     text << "It has this thickness everywhere.";
   else
     text << std::setprecision(3) << "It has this thickness on " << 100 * grown.full_share
-         << " % of their area. For want of room it is thinner elsewhere, and thinnest at node "
+         << " % of their area. Elsewhere it is thinner, for want of room or because the wall is sharp, and thinnest at "
+            "node "
          << mesh.node_numbers[at(least->vertex)] << ", with " << grown.thickness[0] << ".";
   grown.sentence = text.str();
 }
@@ -174,7 +180,7 @@ Expected<GrownLayer> grow(Turned& turned, std::span<const std::string> names, do
     std::vector<detail::Push> pushes;
     for (const detail::GrowthColumn& column : columns->columns())
       pushes.push_back({column.vertex, column.length * column.direction});
-    auto moved = body.move(pushes);
+    auto moved = body.move(pushes, team.stop());
     Nodes spoilt_vertices = std::move(moved.crushed);
     if (spoilt_vertices.empty()) {
       auto made = detail::grown_mesh(checked, *walls, *columns, moved.displacements);
@@ -201,6 +207,21 @@ Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::st
                                 const Team& team) {
   if (mesh.facets.first.empty())
     return bad_input("The mesh is a surface in space. Layers can be made in meshes of the plane and of space.");
+  double size = 0;  // of the bounding box
+  for (std::size_t c = 0; c < 3; ++c) {
+    double least = mesh.mesh.coordinates[c], most = least;
+    for (std::size_t n = 0; n < mesh.mesh.node_count(); ++n) {
+      least = std::min(least, mesh.mesh.coordinates[3 * n + c]);
+      most = std::max(most, mesh.mesh.coordinates[3 * n + c]);
+    }
+    size = std::max(size, most - least);
+  }
+  if (!(thickness > kRounding * size && thickness < size)) {
+    std::ostringstream text;
+    text << "A layer of thickness " << thickness << " cannot grow in a mesh of size " << size
+         << ". Give the thickness in the mesh's unit of length.";
+    return bad_option(text.str());
+  }
   Expected<GrownLayer> grown;
   team.run([&] {
     Turned turned(mesh, team);

@@ -28,9 +28,9 @@ struct GrownLayer {
 /// not be certified valid, or a cell that was certified valid would no longer be.
 ///
 /// The nodes of the walls stay, bit for bit. The mesh stays conforming, and keeps groups, numbers of elements and
-/// periodic pairs. New elements and nodes come last. The result does not depend on the number of threads.
-/// Do not call it inside team.run().
-/// Errors: BadOption and BadInput for walls that do not exist, or on which no layer can grow.
+/// periodic pairs. New elements and nodes come last. The result does not depend on the number of threads. The team's
+/// token may interrupt it (Interrupted). Do not call it inside team.run(). Errors: BadOption and BadInput for walls
+/// that do not exist, or on which no layer can grow.
 /// @param walls      as LayerOptions::walls
 /// @param thickness  in the mesh's unit of length
 Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,

@@ -23,6 +23,8 @@ using Vector = Eigen::Vector3d;
 
 /// A column is filled if less than this share of its height is left.
 constexpr double kFilled = 1e-6;
+/// A layer that is lower, relative to its column, is a rounding error.
+constexpr double kLeastHeight = 1e-15;
 /// What is left of a column above the layers must be at least this high, relative to the highest layer.
 constexpr double kLeastLeft = 0.01;
 
@@ -157,10 +159,17 @@ class Cutter {
     for (const Column& column : columns_) rooms.push_back(column.room());
     std::ranges::nth_element(rooms, rooms.begin() + std::ptrdiff_t(rooms.size() / 2));
     report_.layers = number_of_layers(wanted_, rooms[rooms.size() / 2]);
+    if (report_.layers > kMostLayers)
+      return bad_option("More than " + std::to_string(kMostLayers) +
+                        " layers would fit into the cells at the wall. Ask for a larger first height or growth.");
     std::map<std::int32_t, std::array<bool, 2>> found;  // by sheet: a column that is filled, one that is not
     for (Column& column : columns_) {
       column.layers = heights_in_column(wanted_, report_.layers, column.room());
       if (column.layers.empty()) return too_low(column);
+      if (column.layers.front() < kLeastHeight * column.room())
+        return bad_input("The first layer " + at_node(column) + " would be " + four_digits(column.layers.front()) +
+                         " high, which is below rounding in cells that are " + four_digits(column.room()) +
+                         " high. Ask for a larger first height.");
       const double left = column.room() - std::accumulate(column.layers.begin(), column.layers.end(), 0.0);
       const bool is_filled = left <= kFilled * column.room();
       found[sheets_.sheet(column.edges.back().edge)][is_filled ? 0 : 1] = true;

@@ -40,7 +40,8 @@ int number_of_layers(const LayerOptions& wanted, double column) {
   const double ratio = column / wanted.first, rate = std::log(wanted.growth);
   const double layers = rate < 1e-9 ? ratio : std::log1p(ratio * std::expm1(rate)) / rate;
   // Not more than there is room for without layers that become lower.
-  return static_cast<int>(std::clamp(std::round(layers), 1.0, std::max(1.0, std::floor(ratio * (1 + 1e-12)))));
+  return static_cast<int>(
+      std::clamp(std::round(layers), 1.0, std::clamp(std::floor(ratio * (1 + 1e-12)), 1.0, kMostLayers + 1.0)));
 }
 
 std::vector<double> heights_in_column(const LayerOptions& wanted, int layers, double column) {
@@ -48,17 +49,18 @@ std::vector<double> heights_in_column(const LayerOptions& wanted, int layers, do
   std::vector<double> heights = wanted.heights;
   if (heights.empty() && wanted.first == 0) {
     heights = geometric(layers, column / sum_of(layers, wanted.growth), wanted.growth);
-  } else if (heights.empty() && wanted.fills() && layers > 1) {
-    const bool fits = layers * wanted.first <= column * (1 + kRounding);
-    heights = geometric(layers, wanted.first, fits ? fitting_growth(layers, column / wanted.first) : 1);
+  } else if (heights.empty() && wanted.fills()) {
+    const bool fits = layers > 1 && layers * wanted.first <= column * (1 + kRounding);
+    if (!fits && wanted.grow == 0 && layers > 1) return {};
+    heights = fits ? geometric(layers, wanted.first, fitting_growth(layers, column / wanted.first))
+                   : geometric(layers, column / layers, 1);
   } else if (heights.empty()) {
     heights = geometric(layers, wanted.first, wanted.growth == 0 ? 1 : wanted.growth);
   }
-  const double total = std::accumulate(heights.begin(), heights.end(), 0.0);
-  if (total <= column * (1 + kRounding)) return heights;
-  if (wanted.grow == 0) return {};
-  for (double& height : heights) height *= column / total;
-  return heights;
+  if (wanted.grow > 0 && !wanted.fills())
+    for (double& height : heights) height *= column / wanted.grow;
+  return std::accumulate(heights.begin(), heights.end(), 0.0) <= column * (1 + kRounding) ? heights
+                                                                                          : std::vector<double>();
 }
 
 }  // namespace varimesh::detail

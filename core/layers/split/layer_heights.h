@@ -11,8 +11,9 @@ namespace varimesh::detail {
 int number_of_layers(const LayerOptions& wanted, double column);
 
 /// The heights of `layers` layers in a column of this height, from the wall. If the layers do not fill columns, they
-/// are the given ones. If the column is not high enough: empty, or lower heights if the column was grown for want of a
-/// thick cell.
+/// are the given ones. Empty if the column is not high enough. In
+/// a column that was grown (LayerOptions::grow), given heights are in proportion to its height, and layers that do not
+/// fit are equally high.
 std::vector<double> heights_in_column(const LayerOptions& wanted, int layers, double column);
 
 }  // namespace varimesh::detail

@@ -85,7 +85,7 @@ class ColumnFinder {
                   std::to_string(row) + "."};
     return {Error::Kind::BadInput, "At the wall lies " + what +
                                        ". Layers are made from quadrilaterals, hexahedra, and prisms that stand on a "
-                                       "triangle; mesh the wall with a thick layer of such cells."};
+                                       "triangle; mesh the wall with a thick layer of such cells, or let one grow."};
   }
 
   /// Goes from an element of the wall through the rows above it.

@@ -144,7 +144,7 @@ TEST(GrowLayer, GetsThinnerBetweenWalls) {
   EXPECT_LT(grown->full_share, 1);
   EXPECT_LT(grown->thickness[1], 0.5);
   EXPECT_GT(grown->thickness[0], 0.1);
-  EXPECT_NE(grown->sentence.find("For want of room"), std::string::npos) << grown->sentence;
+  EXPECT_NE(grown->sentence.find("for want of room"), std::string::npos) << grown->sentence;
 }
 
 /// An L of triangles whose wall is the two sides of its inner corner, or those of its outer corner.
@@ -212,6 +212,41 @@ TEST(GrowLayer, KeepsPeriodicPairs) {
     EXPECT_NEAR(grown->mesh.coordinates[3 * at(node) + 1], grown->mesh.coordinates[3 * at(master) + 1], 1e-12);
 }
 
+/// The ends of a line inside the mesh and a point in it stay where they are, although everything around them moves.
+TEST(GrowLayer, HoldsLinesAndPointsInsideTheMesh) {
+  HighOrderMesh mesh = simplices(8, 8, 1, true);
+  const auto node_at = [&](double x, double y) {
+    for (std::size_t n = 0; n < mesh.node_count(); ++n)
+      if (std::hypot(mesh.coordinates[3 * n] - x, mesh.coordinates[3 * n + 1] - y) < 1e-9)
+        return static_cast<std::int32_t>(n);
+    return -1;
+  };
+  const std::int32_t from = node_at(0.5, 0.5), to = node_at(0.625, 0.5), probe = node_at(0.25, 0.375);
+  ElementBlock line{Shape::Line, 1, 9, {}, {9001}, {from, to}, {}, {}},
+      point{Shape::Point, 1, 3, {}, {9002}, {probe}, {}, {}};
+  mesh.blocks.insert(mesh.blocks.begin(), {point, line});
+  const auto grown = grow(mesh, 0.2);
+  ASSERT_TRUE(grown) << grown.error().sentence;
+  expect_sound(mesh, grown->mesh);
+  for (const std::int32_t node : {from, to, probe})
+    for (std::size_t c = 0; c < 2; ++c)
+      EXPECT_EQ(grown->mesh.coordinates[3 * at(node) + c], mesh.coordinates[3 * at(node) + c]);
+}
+
+/// Two entities of one plane keep their border if it ends at the wall.
+TEST(GrowLayer, KeepsSeamsInPlanes) {
+  const auto tag_of = [](const Place& x) { return x[1] < 1e-9 ? 7 : x[2] > 1e-9 ? 8 : x[0] < 0.5 ? 9 : 10; };
+  const HighOrderMesh mesh = simplices(4, 4, 1, false, tag_of);
+  const auto grown = grow(mesh, 0.2);
+  ASSERT_TRUE(grown) << grown.error().sentence;
+  expect_sound(mesh, grown->mesh);
+  for (const ElementBlock& block : grown->mesh.blocks)
+    for (const std::int32_t node : block.nodes)
+      if (block.entity == 9 && reference::info(block.shape).dimension == 2) {
+        EXPECT_LE(grown->mesh.coordinates[3 * at(node)], 0.5 + 1e-9);
+      }
+}
+
 TEST(GrowLayer, RefusesWhereNoneCanGrow) {
   const auto sentence = [](const HighOrderMesh& mesh, double thickness, const std::string& wall) {
     const auto grown = grow(mesh, thickness, 1, {wall});
@@ -220,8 +255,10 @@ TEST(GrowLayer, RefusesWhereNoneCanGrow) {
   const HighOrderMesh mesh = simplices(4, 2, 1, true, [](const Place& x) {
     return x[1] > 1e-9 ? 8 : x[0] < 0.5 ? 7 : 9;
   });
-  EXPECT_NE(sentence(mesh, 0.1, "7").find("Name that boundary as a wall too"), std::string::npos);
+  EXPECT_NE(sentence(mesh, 0.1, "7").find("If it goes on, name it as a wall too"), std::string::npos);
   EXPECT_NE(sentence(mesh, 0.1, "wing").find("There is no wall 'wing'"), std::string::npos);
+  for (const double thickness : {1e-20, 100.0})
+    EXPECT_NE(sentence(mesh, thickness, "7").find("cannot grow in a mesh of size 1."), std::string::npos);
 }
 
 }  // namespace

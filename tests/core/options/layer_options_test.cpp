@@ -35,6 +35,19 @@ TEST(LayerOptions, NeedTwoNumbersOrAList) {
             std::string::npos);
 }
 
+TEST(LayerOptions, FitIntoTheLayerThatIsGrown) {
+  EXPECT_EQ(refusal([](LayerOptions& o) { o.grow = 0.3; }), "");
+  EXPECT_NE(refusal([](LayerOptions& o) { o.grow = 0.29; }).find("at least 0.3"), std::string::npos);
+  EXPECT_EQ(refusal([](LayerOptions& o) { o.grow = 0.7, o.growth = 2; }), "");
+  EXPECT_NE(refusal([](LayerOptions& o) { o.grow = 0.6, o.growth = 2; }).find("Grow a thicker one"), std::string::npos);
+  EXPECT_NE(refusal([](LayerOptions& o) { o.grow = 1, o.rows = 2; }).find("Split one"), std::string::npos);
+  EXPECT_NE(
+      refusal([](LayerOptions& o) { o.grow = 1, o.layers = 0, o.first = 1e-9, o.growth = 1; }).find("More than 1000"),
+      std::string::npos);
+  EXPECT_NE(refusal([](LayerOptions& o) { o.first = 0, o.layers = 1000, o.growth = 10; }).find("times as high"),
+            std::string::npos);
+}
+
 TEST(LayerOptions, AreRefusedOutOfTheirRange) {
   EXPECT_EQ(refusal([](LayerOptions& o) { o.first = -1; }),
             "first is -1; give a length, or 0 if the other numbers give it.");
