@@ -22,9 +22,10 @@ struct Freedom {
 };
 
 /// By node, for vertices of cells. A vertex inside the mesh may move in all directions of the mesh. A vertex on the
-/// boundary, besides the walls, or on an interface may move in the planes in which the elements around it lie, if the
-/// elements of each plane belong to one entity. It stays where elements are curved, at corners, and where a periodic
-/// link that is no translation has it. A vertex at the end of a wall may also move along elements of two entities.
+/// boundary, besides the walls, or on an interface may move in the planes in which the elements around it lie, and
+/// along the border between two entities of one plane, if it is straight. It stays where elements are curved, at
+/// corners, and where a periodic link that is no translation has it. So do points and lines inside the mesh or inside a
+/// plane, and the ends of interfaces, unless they are on a wall.
 class Freedoms {
  public:
   Freedoms(const CheckedMesh& mesh, std::span<const WallElement> walls);
