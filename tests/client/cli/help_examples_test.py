@@ -14,6 +14,7 @@ class Help(WithFolder):
         self.addCleanup(server.stop)
         shutil.copy(MESH, self.folder / "wing.msh")
         shutil.copy(MESH.parent / "thick_layer_p3.msh", self.folder / "thick.msh")
+        run("convert", self.folder / "thick.msh", self.folder / "tetrahedra.msh", "--simplices")
         for command in ["", *COMMANDS]:
             help_text = run(*([command] if command else []), "--help").stdout
             lines = re.findall(r"^  (varimesh .*)$", help_text, re.MULTILINE)
