@@ -19,7 +19,8 @@ NOTES = sorted((SOURCE / "docs" / "notes").glob("*.md"))
 BLOCK = re.compile(r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 
 # Pages whose commands are run by other tests.
-ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflows.md": "tests/deploy/workflows_test.py"}
+ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflows.md": "tests/deploy/workflows_test.py",
+             "http.md": "tests/server/http/http_test.py"}
 
 # Blocks that are not run here, by page and first words, with the reason.
 NOT_HERE = {
@@ -230,6 +231,7 @@ class Commands(WithPrograms):
         shutil.copy(CASES / "sphere_p3.msh", self.work / "wing.msh")
         shutil.copy(CASES / "circle_p5.msh", self.work / "section.msh")
         shutil.copy(CASES / "thick_layer_p3.msh", self.work / "thick.msh")
+        subprocess.run([VARIMESH, "convert", "thick.msh", "tetrahedra.msh", "--simplices"], cwd=self.work, check=True)
         self.server = Server("--state", str(self.folder / "state"))
         self.addCleanup(self.server.stop)
 

@@ -61,7 +61,7 @@ class Zsh(Completed):
         self.assertIn("*--output=[Write the result to this file (", done.stdout)
         self.assertIn("1:IN:_files", done.stdout)
         for option in OPTIONS:
-            value = "" if option == "--orient" else "="  # --orient is a flag
+            value = "" if option in ("--orient", "--simplices") else "="  # these are switches
             self.assertIn(f"{option}{value}[", done.stdout)
 
 
