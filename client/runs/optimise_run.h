@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "client/cli/common_flags.h"
-#include "client/runs/layer_flags.h"
 #include "client/io/inputs.h"
+#include "client/runs/layer_flags.h"
 
 namespace varimesh::client {
 
