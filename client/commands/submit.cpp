@@ -10,7 +10,6 @@
 #include "client/io/inputs.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/remote_job.h"
-#include "client/local/local.h"
 #include "client/process/exit_status.h"
 #include "client/runs/layer_flags.h"
 #include "core/base/utf8.h"
@@ -49,13 +48,11 @@ Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
 /// Takes the layers from their flags. Errors: BadOption.
 Expected<void> take_layers(const Arguments& arguments, v1::JobSpec* spec) {
   std::string sentence;
-  const auto wanted = layers_of(arguments.layers, spec->mutable_options(), &sentence);
-  if (!wanted) return {};
-  const auto layers = layer_options(*wanted);
-  if (!layers) return tl::unexpected(layers.error());
+  auto wanted = layers_of(arguments.layers, spec->mutable_options(), &sentence);
+  if (!wanted) return tl::unexpected(wanted.error());
   if (!sentence.empty()) print_sentence(sentence);
-  *spec->mutable_layers() = *wanted;
-  return check(*layers);
+  if (*wanted) *spec->mutable_layers() = std::move(**wanted);
+  return {};
 }
 
 /// Several meshes are told apart by the names of their files: in the labels, and in the request ids.

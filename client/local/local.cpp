@@ -80,4 +80,6 @@ Expected<LayerOptions> layer_options(const v1::Layers& layers) {
 
 v1::LayersReport layers_message(const LayerSplitReport& report) { return server::to_proto(report); }
 
+v1::LayersReport layers_message(const GrownLayer& grown) { return server::to_proto(grown); }
+
 }  // namespace varimesh::client

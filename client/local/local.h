@@ -9,6 +9,7 @@
 
 #include "client/library/input_file.h"
 #include "core/base/error.h"
+#include "core/layers/grow/grow_layer.h"
 #include "core/layers/split/split_layers.h"
 #include "core/options/geometry_options.h"
 #include "varimesh/v1/job.pb.h"
@@ -33,5 +34,6 @@ Expected<GeometryOptions> geometry_options(const v1::Geometry& geometry);
 /// The same for layers that are made without a job, and what came of them as a message. Errors: BadOption.
 Expected<LayerOptions> layer_options(const v1::Layers& layers);
 v1::LayersReport layers_message(const LayerSplitReport& report);
+v1::LayersReport layers_message(const GrownLayer& grown);
 
 }  // namespace varimesh::client

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "client/cli/option_flags.h"
+#include "client/local/local.h"
 
 namespace varimesh::client {
 namespace {
@@ -54,11 +55,13 @@ std::optional<v1::Layers> layers_of(const LayerFlags& flags, std::string* senten
   return layers;
 }
 
-std::optional<v1::Layers> layers_of(const LayerFlags& flags, v1::Options* options, std::string* sentence) {
+Expected<std::optional<v1::Layers>> layers_of(const LayerFlags& flags, v1::Options* options, std::string* sentence) {
   auto layers = layers_of(flags, sentence);
   if (!layers) return layers;
   layers->set_spacing(options->layer_spacing());
   options->clear_layer_spacing();
+  const auto checked = layer_options(*layers).and_then([](const LayerOptions& wanted) { return check(wanted); });
+  if (!checked) return tl::unexpected(checked.error());
   return layers;
 }
 

@@ -25,7 +25,7 @@ void add_layer_flags(Command command, LayerFlags* flags, bool has_spacing);
 std::optional<v1::Layers> layers_of(const LayerFlags& flags, std::string* sentence);
 
 /// The same beside the options of an optimisation: --layer-spacing then speaks of the new layers, and is taken out of
-/// the options.
-std::optional<v1::Layers> layers_of(const LayerFlags& flags, v1::Options* options, std::string* sentence);
+/// the options. Errors: BadOption if no mesh could have the layers.
+Expected<std::optional<v1::Layers>> layers_of(const LayerFlags& flags, v1::Options* options, std::string* sentence);
 
 }  // namespace varimesh::client

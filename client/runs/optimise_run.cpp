@@ -12,7 +12,6 @@
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
-#include "client/local/local.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/runs/failed_surfaces.h"
@@ -56,12 +55,11 @@ v1::JobSpec spec_of(const OptimiseArguments& arguments, const std::vector<Output
 /// Takes the layers from their flags, and says which height follows from a Reynolds number.
 Expected<void> take_layers(OptimiseArguments* arguments) {
   std::string sentence;
-  arguments->wanted_layers = layers_of(arguments->layers, &arguments->options, &sentence);
-  if (!arguments->wanted_layers) return {};
-  const auto layers = layer_options(*arguments->wanted_layers);
-  if (!layers) return tl::unexpected(layers.error());
+  auto wanted = layers_of(arguments->layers, &arguments->options, &sentence);
+  if (!wanted) return tl::unexpected(wanted.error());
   if (!sentence.empty() && !arguments->common.quiet) std::cerr << sentence << std::endl;
-  return check(*layers);
+  arguments->wanted_layers = std::move(*wanted);
+  return {};
 }
 
 /// Submits a job, and follows it. The error is the exit status; its message has been printed.

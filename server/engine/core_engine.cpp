@@ -270,9 +270,7 @@ Expected<bool> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOpti
   if (!grown) return tl::unexpected(grown.error());
   team.set_stop(nullptr);
   if (hooks.on_note) hooks.on_note(grown->sentence);
-  metrics.mutable_layers()->mutable_grown()->set_least(grown->thickness[0]);
-  metrics.mutable_layers()->mutable_grown()->set_most(grown->thickness[1]);
-  metrics.mutable_layers()->set_full_share(grown->full_share);
+  *metrics.mutable_layers() = to_proto(*grown);
   auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
   if (!checked) return tl::unexpected(checked.error());
   mesh = std::move(*checked);

@@ -32,4 +32,11 @@ v1::LayersReport to_proto(const LayerSplitReport& report) {
   return message;
 }
 
+v1::LayersReport to_proto(const GrownLayer& grown) {
+  v1::LayersReport message;
+  *message.mutable_grown() = to_proto(grown.thickness);
+  message.set_full_share(grown.full_share);
+  return message;
+}
+
 }  // namespace varimesh::server

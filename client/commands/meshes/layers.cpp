@@ -70,9 +70,7 @@ int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format
         !written)
       return print_error(written.error());
   if (!found.uncertified.empty())
-    std::cerr
-        << "varimesh: layers are valid if the cells from which they are made are; make the mesh valid first, with "
-           "varimesh optimise\n";
+    std::cerr << "varimesh: 'varimesh optimise' takes the same flags, and makes the mesh valid before it splits it\n";
   return print_uncertified(found.certified.invalid, found.certified.undecided);
 }
 
@@ -82,9 +80,7 @@ Expected<void> grow(CheckedMesh& mesh, const LayerOptions& wanted, const Team& t
   auto grown = grow_layer(mesh, wanted.walls, wanted.grow, team);
   if (!grown) return tl::unexpected(grown.error());
   std::cerr << "varimesh: " << grown->sentence << "\n";
-  report.mutable_grown()->set_least(grown->thickness[0]);
-  report.mutable_grown()->set_most(grown->thickness[1]);
-  report.set_full_share(grown->full_share);
+  report = layers_message(*grown);
   auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
   if (!checked) return tl::unexpected(checked.error());
   mesh = std::move(*checked);
