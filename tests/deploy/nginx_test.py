@@ -3,6 +3,7 @@
 Under a flood every call must succeed. With VARIMESH_MEASURE=1, on a quiet machine, the slowest must also take less than ten
 times what it takes without a flood.
 """
+import contextlib
 import os
 import re
 import shutil
@@ -126,13 +127,19 @@ class Nginx(WithFolder):
         self.assertEqual((self.folder / "out.msh").read_bytes(), (self.folder / "local.msh").read_bytes())
         self.assertIn("asks who calls", self.call("jobs").stderr)
 
-    def test_a_client_watches_as_many_jobs_as_the_page_says(self):
+    @contextlib.contextmanager
+    def channel(self):
+        """A channel through nginx to a server."""
         server = Server("--log-level", "off", listen=f"unix:{self.folder}/socket")
         self.addCleanup(server.stop)
         self.serve(self.configuration())
         authority = grpc.ssl_channel_credentials((self.folder / "authority.pem").read_bytes())
         with grpc.secure_channel(f"localhost:{self.port}", authority) as channel:
             grpc.channel_ready_future(channel).result(timeout=20)
+            yield channel
+
+    def test_a_client_watches_as_many_jobs_as_the_page_says(self):
+        with self.channel() as channel:
             # Those of the health, since they need no jobs.
             watch = channel.unary_stream("/grpc.health.v1.Health/Watch", request_serializer=bytes, response_deserializer=bytes)
             watches = [watch(b"", timeout=40) for _ in range(250)]
@@ -142,13 +149,7 @@ class Nginx(WithFolder):
                 one.cancel()
 
     def test_only_meshes_and_jobs_may_be_large(self):
-        server = Server("--log-level", "off", listen=f"unix:{self.folder}/socket")
-        self.addCleanup(server.stop)
-        self.serve(self.configuration())
-        authority = grpc.ssl_channel_credentials((self.folder / "authority.pem").read_bytes())
-        with grpc.secure_channel(f"localhost:{self.port}", authority) as channel:
-            grpc.channel_ready_future(channel).result(timeout=20)
-
+        with self.channel() as channel:
             def said(method, *sizes):
                 """Calls a method with messages of these many bytes, which it cannot read. Returns what it is told."""
                 call = channel.stream_stream(f"/varimesh.v1.{method}", request_serializer=bytes, response_deserializer=bytes)
