@@ -131,6 +131,24 @@ class Kubernetes(unittest.TestCase):
             replicas = re.search(r"^  replicas: (\d+)$", worker, re.MULTILINE)
             self.assertEqual(replicas and replicas[1], workers)
 
+    def test_requests_have_the_sizes_of_nginx(self):
+        if yaml is None:
+            self.skipTest("python3-yaml is missing")
+        sizes = {}
+        for part in yaml.safe_load_all((FARM / "kubernetes" / "overlays" / "ingress" / "ingress.yaml").read_text()):
+            size = int(part["metadata"]["annotations"]["nginx.ingress.kubernetes.io/proxy-body-size"])
+            sizes |= {path["path"]: size for path in part["spec"]["rules"][0]["http"]["paths"]}
+        nginx = (TREE / "deploy" / "nginx.conf").read_text()
+        others = int(re.search(r"^  client_max_body_size (\d+);", nginx, re.MULTILINE)[1])
+        self.assertEqual(sizes.pop("/"), others)
+        locations = re.findall(r"location (~|=) (\S+) {\s+client_max_body_size (\d+)", nginx)
+        contract = (TREE / "proto" / "varimesh" / "v1" / "service.proto").read_text()
+        for service, calls in re.findall(r"^service (\w+) {\n(.*?)^}", contract, re.MULTILINE | re.DOTALL):
+            for call in re.findall(r"rpc (\w+)\(", calls):
+                path = f"/varimesh.v1.{service}/{call}"
+                there = [int(size) for kind, name, size in locations if (re.search(name, path) if kind == "~" else name == path)]
+                self.assertEqual([sizes.pop(path, others)], there or [others], path)
+        self.assertEqual(sizes, {}, "there are no such calls")
 
     def test_the_password_is_in_a_file_that_only_its_user_can_read(self):
         if yaml is None:
