@@ -210,8 +210,9 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   server->self_check_ = std::make_unique<SelfCheck>(server->address(), server->options_.tls.are_given());
   server->self_check_->dial();
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
-  if (const auto started = server->start_http_port(); !started) return tl::unexpected(started.error());
   if (const auto started = server->start_metrics_port(); !started) return tl::unexpected(started.error());
+  // The last one: a server that fails to start does not end the watches of those who came meanwhile.
+  if (const auto started = server->start_http_port(); !started) return tl::unexpected(started.error());
   server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
                                              *server->endpoint_, *server->self_check_, server->tls_.get(),
                                              Watchdog{server->options_.limits.watchdog, server->options_.lost});

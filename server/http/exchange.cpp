@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <chrono>
 
 #include "google/rpc/error_details.pb.h"
@@ -153,7 +154,40 @@ void HttpExchange::begin_bytes(std::int64_t offset, std::int64_t size, bool is_p
 }
 
 bool HttpExchange::send(std::string_view bytes) {
-  return mg_write(connection_, bytes.data(), bytes.size()) == static_cast<int>(bytes.size());
+  // civetweb gives up after two seconds without progress, and says so in the same way as if the client were gone.
+  constexpr std::size_t kPiece = std::size_t{64} << 10;
+  constexpr std::chrono::milliseconds kStalled{1500};
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (!bytes.empty()) {
+    const auto begun = std::chrono::steady_clock::now();
+    const int sent = mg_write(connection_, bytes.data(), std::min(kPiece, bytes.size()));
+    const auto now = std::chrono::steady_clock::now();
+    if ((sent <= 0 && now - begun < kStalled) || now >= deadline) return false;
+    bytes.remove_prefix(static_cast<std::size_t>(std::max(sent, 0)));
+  }
+  return true;
+}
+
+void HttpExchange::begin_events() {
+  // nginx and others would keep events back until they have many.
+  mg_printf(connection_,
+            "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n%sCache-Control: no-store\r\n"
+            "X-Accel-Buffering: no\r\nX-Content-Type-Options: nosniff\r\nCross-Origin-Resource-Policy: same-origin\r\n"
+            "Connection: close\r\n\r\n",
+            has_chunks() ? "Transfer-Encoding: chunked\r\n" : "");
+}
+
+bool HttpExchange::has_chunks() const { return std::string_view(request_.http_version) == "1.1"; }
+
+bool HttpExchange::send_chunk(std::string_view text) {
+  if (!has_chunks()) return send(text);
+  std::array<char, 16> size{};
+  const auto end = std::to_chars(size.data(), size.data() + size.size(), text.size(), 16).ptr;
+  return send(std::string(size.data(), end) + "\r\n" + std::string(text) + "\r\n");
+}
+
+void HttpExchange::answer_nothing() {
+  mg_printf(connection_, "HTTP/1.1 204 No Content\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n");
 }
 
 void HttpExchange::answer(const google::protobuf::Message& message) {

@@ -64,8 +64,14 @@ class HttpExchange {
 
   /// Begins to answer with the bytes from `offset` on of a file of this size. `is_part`: they were asked for by Range.
   void begin_bytes(std::int64_t offset, std::int64_t size, bool is_part, const std::string& digest);
-  /// Sends some of them. Returns false if the client is gone.
+  /// Sends some of them. Returns false if the client is gone, or does not take them for half a minute.
   bool send(std::string_view bytes);
+  /// Begins to answer with server-sent events.
+  void begin_events();
+  /// Sends some of their text. An empty one ends the answer. Returns as send().
+  bool send_chunk(std::string_view text);
+  /// Answers that there is nothing to send, and that there will be nothing.
+  void answer_nothing();
   /// Answers with a message as proto3 JSON.
   void answer(const google::protobuf::Message& message);
   /// Answers with the status as google.rpc.Status, and its code as HTTP has it. `http`: another code of HTTP.
@@ -73,6 +79,9 @@ class HttpExchange {
   void refuse(const grpc::Status& status, int http = 0, const std::string& more = {});
 
  private:
+  /// Whether the client knows chunks, the end of which shows that nothing is missing.
+  bool has_chunks() const;
+
   mg_connection* const connection_;
   const mg_request_info& request_;
 };

@@ -5,6 +5,7 @@
 
 #include <charconv>
 
+#include "server/http/events.h"
 #include "server/http/transfers.h"
 #include "server/streams/status.h"
 
@@ -16,6 +17,8 @@ constexpr std::string_view kJobs = "/v1/jobs", kUploads = "/v1/uploads/";
 /// How many of the threads may be busy with the bytes of meshes, of all callers and of one. The others stay for calls
 /// that are short.
 constexpr int kMostTransfers = 32, kMostTransfersOfPeer = 8;
+/// How many may watch jobs. Each has a thread of its own beside the others.
+constexpr int kMostWatches = 256, kMostWatchesOfPeer = 128;
 
 /// Whether the request may come from a browser at all: no page, or one of this very port.
 bool is_from_elsewhere(const HttpExchange& exchange) {
@@ -43,8 +46,8 @@ Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
     : jobs_(v1::JobService::NewStub(channel)),
       meshes_(v1::MeshService::NewStub(channel)),
       admit_(std::move(admit)),
-      transfers_(kMostTransfers),
-      transfers_of_peer_(kMostTransfersOfPeer) {}
+      transfers_{PeerCounts(kMostTransfers), PeerCounts(kMostTransfersOfPeer), "uploads and downloads over HTTP"},
+      watches_{PeerCounts(kMostWatches), PeerCounts(kMostWatchesOfPeer), "watches over HTTP"} {}
 
 Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
                                                   Admit admit) {
@@ -53,7 +56,7 @@ Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, st
                                        "a proxy encrypt for others.");
   if (!is_own_host(address.c_str())) return not_loopback;
   std::unique_ptr<Gateway> gateway(new Gateway(channel, std::move(admit)));
-  const auto listening = gateway->http_.listen(address, "--http", handle, gateway.get());
+  const auto listening = gateway->http_.listen(address, "--http", handle, gateway.get(), kHttpThreads + kMostWatches);
   if (!listening)
     return listening.error().kind == Error::Kind::BadOption ? not_loopback : tl::unexpected(listening.error());
   return gateway;
@@ -81,7 +84,7 @@ void Gateway::answer(HttpExchange& exchange) const {
   }
   if (exchange.path() == "/v1/meshes") {
     if (exchange.method() != "POST" && exchange.method() != "PUT") return refuse_method(exchange, "POST, PUT");
-    return transfer(exchange, Method::SendMesh, [&] { receive_mesh(exchange, *meshes_); });
+    return work_long(exchange, Method::SendMesh, transfers_, [&] { receive_mesh(exchange, *meshes_); });
   }
   if (exchange.path().starts_with(kUploads)) {
     if (exchange.method() != "GET") return refuse_method(exchange, "GET");
@@ -115,7 +118,11 @@ void Gateway::answer_about(HttpExchange& exchange, const std::string& job, std::
   }
   if (action == "/result") {
     if (exchange.method() != "GET") return refuse_method(exchange, "GET");
-    return transfer(exchange, Method::DownloadMesh, [&] { send_result(exchange, *jobs_, *meshes_, job); });
+    return work_long(exchange, Method::DownloadMesh, transfers_, [&] { send_result(exchange, *jobs_, *meshes_, job); });
+  }
+  if (action == "/events") {
+    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
+    return work_long(exchange, Method::WatchJob, watches_, [&] { send_events(exchange, *jobs_, job); });
   }
   if (!action.empty()) return refuse_address(exchange);
   if (exchange.method() == "GET")
@@ -125,14 +132,13 @@ void Gateway::answer_about(HttpExchange& exchange, const std::string& job, std::
   refuse_method(exchange, "GET, DELETE");
 }
 
-void Gateway::transfer(HttpExchange& exchange, Method method, const std::function<void()>& work) const {
+void Gateway::work_long(HttpExchange& exchange, Method method, Places& places,
+                        const std::function<void()>& work) const {
   const auto peer = admit_(method, exchange.header("Authorization"), exchange.address());
   if (!peer) return exchange.refuse(status(peer.error()));
-  const auto own = transfers_of_peer_.take(*peer), place = transfers_.take("");
-  if (own == nullptr || place == nullptr)
-    return exchange.refuse(status(own == nullptr
-                                      ? peer_limit(*peer, kMostTransfersOfPeer, "uploads and downloads over HTTP")
-                                      : peer_limit("all callers", kMostTransfers, "uploads and downloads over HTTP")));
+  const auto own = places.of_peer.take(*peer), place = places.all.take("");
+  if (own == nullptr) return exchange.refuse(status(peer_limit(*peer, places.of_peer.most(), places.what)));
+  if (place == nullptr) return exchange.refuse(status(peer_limit("all callers", places.all.most(), places.what)));
   work();
 }
 

@@ -27,6 +27,7 @@ namespace varimesh::server {
 ///   GET /v1/jobs/ID               GetJob
 ///   POST /v1/jobs/ID/cancel       CancelJob
 ///   DELETE /v1/jobs/ID            DeleteJob
+///   GET /v1/jobs/ID/events        WatchJob, as server-sent events; ?after=…&minInterval=…
 ///   GET /v1/jobs/ID/result        DownloadMesh of a result; ?format=MESH_FORMAT_VTU if there are several
 ///   POST /v1/meshes?digest=…      SendMesh; &uploadId=…&offset=… goes on with an upload; also PUT
 ///   GET /v1/uploads/ID?digest=…   QueryUpload
@@ -53,15 +54,20 @@ class Gateway {
   void answer_about_jobs(HttpExchange& exchange) const;
   /// Answers a request for the job of this name; `action` is what follows the name in the path.
   void answer_about(HttpExchange& exchange, const std::string& job, std::string_view action) const;
-  /// Does work that sends or receives the bytes of a mesh, if the caller may and there is a thread for it.
-  void transfer(HttpExchange& exchange, Method method, const std::function<void()>& work) const;
+  /// Requests that keep a thread for long, of all callers and of each.
+  struct Places {
+    PeerCounts all, of_peer;
+    const char* what;
+  };
+  /// Does work that keeps a thread for long, if the caller may call the method and there is a place.
+  void work_long(HttpExchange& exchange, Method method, Places& places, const std::function<void()>& work) const;
   void list(HttpExchange& exchange) const;
   void submit(HttpExchange& exchange) const;
 
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::MeshService::Stub> meshes_;
   const Admit admit_;
-  mutable PeerCounts transfers_, transfers_of_peer_;
+  mutable Places transfers_, watches_;
   HttpServer http_;  ///< The last member, so that its threads end first.
 };
 

@@ -12,10 +12,9 @@
 namespace varimesh::server {
 namespace {
 
-/// Threads that read and answer requests, and how long one request may take to come, in milliseconds. Requests come
-/// from this machine or its network, so they come at once. Connections that say nothing keep a thread each: n of them
-/// hold the others up for n / 48 × 2 s.
-constexpr const char *kThreads = "48", *kRequestTimeout = "2000";
+/// How long one request may take to come, in milliseconds. Requests come from this machine or its network, so they come
+/// at once. Connections that say nothing keep a thread each: n of them hold the others up for n / kHttpThreads × 2 s.
+constexpr const char* kRequestTimeout = "2000";
 
 /// A page may load only its own server's files and must not execute markup from job data.
 constexpr const char* kPolicy =
@@ -50,7 +49,7 @@ bool is_own_host(const char* host) {
 }
 
 Expected<void> HttpServer::listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*),
-                                  void* user) {
+                                  void* user, int threads) {
   const auto colon = address.rfind(':');
   unsigned port = 65536;
   if (colon != std::string::npos) {
@@ -63,8 +62,9 @@ Expected<void> HttpServer::listen(const std::string& address, const std::string&
                       " 127.0.0.1:9464.");
   const std::string host = address.substr(0, colon);
   const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
+  const std::string count = std::to_string(threads);
   // There is no document root, so files of the disk are never served.
-  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", kThreads,
+  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", count.c_str(),
                            "request_timeout_ms", kRequestTimeout, nullptr};
   mg_callbacks callbacks{};
   callbacks.begin_request = handle;

@@ -14,6 +14,9 @@ namespace varimesh::server {
 inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJsonType = "application/json",
                                   kBytesType = "application/octet-stream";
 
+/// Threads that read and answer short requests.
+inline constexpr int kHttpThreads = 48;
+
 /// Answers a request. `more`: further header lines, each with its end of line.
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
                const char* more = "");
@@ -27,8 +30,10 @@ class HttpServer {
  public:
   /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Calls `handle` for each request,
   /// which must answer it; `user` is what mg_get_request_info() gives as its user data. `flag`: who asked for the
-  /// address, for the messages. Errors: BadOption if the address has no port, Output if it is taken.
-  Expected<void> listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*), void* user);
+  /// address, for the messages. `threads`: how many requests are answered at a time. Errors: BadOption if the address
+  /// has no port, Output if it is taken.
+  Expected<void> listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*), void* user,
+                        int threads = kHttpThreads);
   HttpServer() = default;
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
