@@ -1,32 +1,54 @@
 #include "client/commands/commands.h"
 
+#include <algorithm>
+#include <array>
+
+#include "client/process/exit_status.h"
+#include "client/process/launcher.h"
 #include "core/base/version.h"
 
 namespace varimesh::client {
+namespace {
+
+/// Commands that only tell about the program. Any number of processes may run them together.
+constexpr std::array<std::string_view, 3> kHarmlessTogether{"doctor", "completion", "man"};
+
+/// The same actions, which refuse to run in one of several processes that were started together.
+Actions alone(Actions actions) {
+  for (auto& [name, action] : actions)
+    if (std::ranges::find(kHarmlessTogether, name) == kHarmlessTogether.end())
+      action = [action = std::move(action)] {
+        const auto checked = check_started_alone();
+        return checked ? action() : print_error(checked.error());
+      };
+  return actions;
+}
+
+}  // namespace
 
 Actions add_commands(Command program) {
   program.describe("varimesh",
                    "Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.",
                    std::string(version()));
-  return {{"optimise", add_optimise(program)},
-          {"curve", add_curve(program)},
-          {"mesh", add_mesh(program)},
-          {"quality", add_quality(program)},
-          {"layers", add_layers(program)},
-          {"convert", add_convert(program)},
-          {"submit", add_submit(program)},
-          {"watch", add_watch(program)},
-          {"result", add_result(program)},
-          {"wait", add_wait(program)},
-          {"results", add_results(program)},
-          {"jobs", add_jobs(program)},
-          {"cancel", add_cancel(program)},
-          {"delete", add_delete(program)},
-          {"info", add_info(program)},
-          {"doctor", add_doctor(program)},
-          {"certificates", add_certificates(program)},
-          {"completion", add_completion(program)},
-          {"man", add_man(program)}};
+  return alone({{"optimise", add_optimise(program)},
+                {"curve", add_curve(program)},
+                {"mesh", add_mesh(program)},
+                {"quality", add_quality(program)},
+                {"layers", add_layers(program)},
+                {"convert", add_convert(program)},
+                {"submit", add_submit(program)},
+                {"watch", add_watch(program)},
+                {"result", add_result(program)},
+                {"wait", add_wait(program)},
+                {"results", add_results(program)},
+                {"jobs", add_jobs(program)},
+                {"cancel", add_cancel(program)},
+                {"delete", add_delete(program)},
+                {"info", add_info(program)},
+                {"doctor", add_doctor(program)},
+                {"certificates", add_certificates(program)},
+                {"completion", add_completion(program)},
+                {"man", add_man(program)}});
 }
 
 }  // namespace varimesh::client
