@@ -46,6 +46,8 @@ std::int64_t machine_memory(const std::filesystem::path& root) {
 void return_large_blocks() {
 #ifdef __GLIBC__
   mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  // By default the end of the heap is given back from 128 KiB on, and taken again for each piece of a mesh.
+  mallopt(M_TRIM_THRESHOLD, 1 << 20);
 #endif
 }
 

@@ -13,7 +13,8 @@ std::int64_t machine_memory(const std::filesystem::path& root = "/");
 
 /// From now on, blocks of a mebibyte or more go back to the system as soon as they are freed. By default glibc's
 /// allocator keeps blocks of up to 32 MiB, and a run takes up to a tenth more memory than it has in use. For programs,
-/// at their start; libraries leave the allocator as it is. It changes nothing with other allocators.
+/// at their start; libraries leave the allocator as it is. It changes nothing with other allocators. Smaller blocks at
+/// the end of the heap stay, up to a mebibyte.
 void return_large_blocks();
 
 }  // namespace varimesh
