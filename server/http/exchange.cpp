@@ -2,11 +2,17 @@
 
 #include <civetweb.h>
 #include <google/protobuf/util/json_util.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <chrono>
+#include <cstdlib>
+#include <filesystem>
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
@@ -52,6 +58,37 @@ int http_code(grpc::StatusCode code) {
   }
 }
 
+/// The port of an address of IP; 0: it is another one.
+int port_of(const sockaddr_storage& address) {
+  if (address.ss_family == AF_INET) return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
+  if (address.ss_family == AF_INET6) return ntohs(reinterpret_cast<const sockaddr_in6&>(address).sin6_port);
+  return 0;
+}
+
+bool is_address(const sockaddr_storage& address, const char* text) {
+  std::array<char, NI_MAXHOST> host{};
+  const socklen_t size = address.ss_family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
+  return ::getnameinfo(reinterpret_cast<const sockaddr*>(&address), size, host.data(), host.size(), nullptr, 0,
+                       NI_NUMERICHOST) == 0 &&
+         std::string_view(host.data()) == text;
+}
+
+/// The socket of a request, which civetweb keeps to itself: the one between its two ports; -1: it was not found.
+int socket_of(const mg_request_info& request) {
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry("/proc/self/fd", error), end; !error && entry != end;
+       entry.increment(error)) {
+    const int file = std::atoi(entry->path().filename().c_str());
+    sockaddr_storage here{}, there{};
+    socklen_t size = sizeof here, other_size = sizeof there;
+    if (::getsockname(file, reinterpret_cast<sockaddr*>(&here), &size) == 0 && port_of(here) == request.server_port &&
+        ::getpeername(file, reinterpret_cast<sockaddr*>(&there), &other_size) == 0 &&
+        port_of(there) == request.remote_port && is_address(there, request.remote_addr))
+      return file;
+  }
+  return -1;
+}
+
 /// The header Retry-After, if the status says when to try again.
 std::string retry_header(const google::rpc::Status& status) {
   google::rpc::RetryInfo retry;
@@ -94,11 +131,14 @@ Answer<std::vector<std::pair<std::string, std::string>>> HttpExchange::query() c
   return fields;
 }
 
-Answer<void> HttpExchange::expect(std::string_view type) const {
-  // Pages of other sites cannot send these types without asking first.
+bool HttpExchange::has_type(std::string_view type) const {
   const std::string sent = header("Content-Type");
-  if (std::string_view(sent).substr(0, sent.find(';')) != type)
-    return bad_request("The body must have the header Content-Type: " + std::string(type) + ".");
+  return std::string_view(sent).substr(0, sent.find(';')) == type;
+}
+
+Answer<void> HttpExchange::expect(std::string_view type) const {
+  // Pages of other sites cannot send JSON and bytes without asking first.
+  if (!has_type(type)) return bad_request("The body must have the header Content-Type: " + std::string(type) + ".");
   if (size() < 0) return bad_request("The request does not say how long its body is; send the header Content-Length.");
   return {};
 }
@@ -106,12 +146,15 @@ Answer<void> HttpExchange::expect(std::string_view type) const {
 std::int64_t HttpExchange::size() const { return request_.content_length; }
 
 std::size_t HttpExchange::read_some(char* bytes, std::size_t count) {
-  // civetweb waits for all bytes that it is asked for as long as some of them come.
-  constexpr std::size_t kPiece = 4096;
+  // civetweb waits for all bytes that it is asked for as long as some of them come, so it is asked for those that are
+  // there, or for one.
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  if (!socket_) socket_ = socket_of(request_);
   std::size_t have = 0;
   while (have < count && std::chrono::steady_clock::now() < deadline) {
-    const std::size_t wanted = std::min(kPiece, count - have);
+    int there = 0;
+    if (*socket_ < 0 || ::ioctl(*socket_, FIONREAD, &there) != 0) there = 0;
+    const std::size_t wanted = std::min(static_cast<std::size_t>(std::max(there, 1)), count - have);
     const int got = mg_read(connection_, bytes + have, wanted);
     if (got <= 0) break;
     have += static_cast<std::size_t>(got);
@@ -127,11 +170,7 @@ Answer<void> HttpExchange::read(google::protobuf::Message* message, std::size_t 
   std::string body(count, '\0');
   if (read_some(body.data(), count) < count)
     return bad_request("The body of the request did not come within " + std::to_string(kPatience.count()) + " s.");
-  const auto parsed = JsonStringToMessage(body, message);
-  if (!parsed.ok())
-    return bad_request("The body is no JSON of " + message->GetDescriptor()->full_name() + " (" +
-                       std::string(parsed.message()) + ").");
-  return {};
+  return read_json(body, message);
 }
 
 void HttpExchange::pass_on(grpc::ClientContext& context) const {
@@ -140,17 +179,15 @@ void HttpExchange::pass_on(grpc::ClientContext& context) const {
   context.AddMetadata(key_of_address(), address());
 }
 
-void HttpExchange::begin_bytes(std::int64_t offset, std::int64_t size, bool is_part, const std::string& digest) {
-  std::string range;
-  if (is_part)
-    range = "Content-Range: bytes " + std::to_string(offset) + "-" + std::to_string(size - 1) + "/" +
-            std::to_string(size) + "\r\n";
+void HttpExchange::begin_bytes(const ByteRange& range, std::int64_t size, const std::string& digest) {
+  const std::string part = "Content-Range: bytes " + std::to_string(range.first) + "-" + std::to_string(range.end - 1) +
+                           "/" + std::to_string(size) + "\r\n";
   mg_printf(connection_,
             "HTTP/1.1 %s\r\nContent-Type: %s\r\nContent-Length: %lld\r\n%sAccept-Ranges: bytes\r\nETag: \"%s\"\r\n"
             "Content-Disposition: attachment\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
             "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n\r\n",
-            is_part ? "206 Partial Content" : "200 OK", kBytesType.data(), static_cast<long long>(size - offset),
-            range.c_str(), digest.c_str());
+            range.is_part ? "206 Partial Content" : "200 OK", kBytesType.data(),
+            static_cast<long long>(range.end - range.first), range.is_part ? part.c_str() : "", digest.c_str());
 }
 
 bool HttpExchange::send(std::string_view bytes) {
@@ -209,6 +246,13 @@ void HttpExchange::refuse(const grpc::Status& status, int http, const std::strin
   const int code = http != 0 ? http : http_code(status.error_code());
   const std::string headers = more + retry_header(full) + (code == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
   send_http(connection_, code, kJsonType, text + "\n", headers.c_str());
+}
+
+Answer<void> read_json(const std::string& text, google::protobuf::Message* message) {
+  const auto parsed = JsonStringToMessage(text, message);
+  if (parsed.ok()) return {};
+  return bad_request("The body is no JSON of " + message->GetDescriptor()->full_name() + " (" +
+                     std::string(parsed.message()) + ").");
 }
 
 Refusal unknown_field(const std::string& name, const std::string& known) {

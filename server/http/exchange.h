@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -18,6 +19,12 @@ struct mg_connection;
 struct mg_request_info;
 
 namespace varimesh::server {
+
+/// Bytes of a file.
+struct ByteRange {
+  std::int64_t first = 0, end = 0;  ///< From the first on to the one before the end.
+  bool is_part = false;             ///< They were asked for by Range.
+};
 
 /// Reads a request and answers it. One thread at a time.
 class HttpExchange {
@@ -34,11 +41,13 @@ class HttpExchange {
   /// The fields of the query in their order, decoded. INVALID_ARGUMENT if there are too many.
   Answer<std::vector<std::pair<std::string, std::string>>> query() const;
 
+  /// Whether the body is declared to have this type.
+  bool has_type(std::string_view type) const;
   /// INVALID_ARGUMENT unless there is a body of this type whose size is known.
   Answer<void> expect(std::string_view type) const;
   /// The size of the body, in bytes; negative if it is not known.
   std::int64_t size() const;
-  /// Reads this many bytes of the body. Returns how many came; fewer if the client is gone or too slow.
+  /// Reads this many bytes of the body. Returns how many came; fewer if the client is gone, or within half a minute.
   std::size_t read_some(char* bytes, std::size_t count);
   /// Reads a body of JSON into a message. INVALID_ARGUMENT if it is not declared as JSON, has more than `most` bytes,
   /// does not come soon, or is no JSON of this message.
@@ -62,8 +71,8 @@ class HttpExchange {
       refuse(status);
   }
 
-  /// Begins to answer with the bytes from `offset` on of a file of this size. `is_part`: they were asked for by Range.
-  void begin_bytes(std::int64_t offset, std::int64_t size, bool is_part, const std::string& digest);
+  /// Begins to answer with some bytes of a file of this size.
+  void begin_bytes(const ByteRange& range, std::int64_t size, const std::string& digest);
   /// Sends some of them. Returns false if the client is gone, or does not take them for half a minute.
   bool send(std::string_view bytes);
   /// Begins to answer with server-sent events.
@@ -84,7 +93,11 @@ class HttpExchange {
 
   mg_connection* const connection_;
   const mg_request_info& request_;
+  std::optional<int> socket_;  ///< Once it was looked for.
 };
+
+/// Reads JSON into a message. INVALID_ARGUMENT if it is no JSON of this message.
+Answer<void> read_json(const std::string& text, google::protobuf::Message* message);
 
 /// INVALID_ARGUMENT: the query has a field that is none of the known ones.
 Refusal unknown_field(const std::string& name, const std::string& known);

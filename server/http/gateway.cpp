@@ -45,6 +45,7 @@ void refuse_address(HttpExchange& exchange) {
 Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
     : jobs_(v1::JobService::NewStub(channel)),
       meshes_(v1::MeshService::NewStub(channel)),
+      optimise_(v1::OptimiseService::NewStub(channel)),
       admit_(std::move(admit)),
       transfers_{PeerCounts(kMostTransfers), PeerCounts(kMostTransfersOfPeer), "uploads and downloads over HTTP"},
       watches_{PeerCounts(kMostWatches), PeerCounts(kMostWatchesOfPeer), "watches over HTTP"} {}
@@ -171,7 +172,9 @@ void Gateway::list(HttpExchange& exchange) const {
 }
 
 void Gateway::submit(HttpExchange& exchange) const {
-  const auto admitted = admit_(Method::SubmitJob, exchange.header("Authorization"), exchange.address());
+  const bool has_mesh = exchange.has_type(kFormType);
+  const auto admitted =
+      admit_(has_mesh ? Method::Optimise : Method::SubmitJob, exchange.header("Authorization"), exchange.address());
   if (!admitted) return exchange.refuse(status(admitted.error()));
   const auto fields = exchange.query();
   if (!fields) return exchange.refuse(status(fields.error()));
@@ -187,6 +190,11 @@ void Gateway::submit(HttpExchange& exchange) const {
       return exchange.refuse(status(unknown_field(name, "requestId and validateOnly")));
     }
   }
+  if (has_mesh && request.validate_only())
+    return exchange.refuse(status(bad_request("A form cannot be checked only; send the spec alone as JSON.")));
+  if (has_mesh)
+    return work_long(exchange, Method::Optimise, transfers_,
+                     [&] { receive_job(exchange, *optimise_, request.request_id()); });
   constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as the call may have
   if (const auto read = exchange.read(request.mutable_spec(), kMostBytes); !read)
     return exchange.refuse(status(read.error()));

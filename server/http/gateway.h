@@ -23,6 +23,7 @@ namespace varimesh::server {
 ///
 ///   GET /v1/info                  GetServerInfo
 ///   POST /v1/jobs                 SubmitJob; the body is a JobSpec, ?requestId=…&validateOnly=true the rest
+///                                 or Optimise; the body is a form with the parts spec and mesh
 ///   GET /v1/jobs                  ListJobs; ?states=JOB_STATE_RUNNING&labels.KEY=VALUE&pageSize=…&pageToken=…
 ///   GET /v1/jobs/ID               GetJob
 ///   POST /v1/jobs/ID/cancel       CancelJob
@@ -66,6 +67,7 @@ class Gateway {
 
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::MeshService::Stub> meshes_;
+  const std::unique_ptr<v1::OptimiseService::Stub> optimise_;
   const Admit admit_;
   mutable Places transfers_, watches_;
   HttpServer http_;  ///< The last member, so that its threads end first.

@@ -12,7 +12,7 @@ struct mg_context;
 namespace varimesh::server {
 
 inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJsonType = "application/json",
-                                  kBytesType = "application/octet-stream";
+                                  kBytesType = "application/octet-stream", kFormType = "multipart/form-data";
 
 /// Threads that read and answer short requests.
 inline constexpr int kHttpThreads = 48;

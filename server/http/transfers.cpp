@@ -4,15 +4,18 @@
 #include <charconv>
 #include <optional>
 
+#include "core/base/sha256.h"
 #include "server/http/listen.h"
+#include "server/http/multipart.h"
+#include "server/limits.h"
 #include "server/refusals.h"
 #include "server/streams/status.h"
 
 namespace varimesh::server {
 namespace {
 
-/// Bytes of a message.
-constexpr std::size_t kPiece = std::size_t{256} << 10;
+/// The fewest bytes that must come within the patience with a client.
+constexpr std::size_t kLeast = std::size_t{256} << 10;
 
 Answer<std::int64_t> offset_of(std::string_view text) {
   std::int64_t value = 0;
@@ -77,13 +80,83 @@ Answer<v1::StoredMesh> result_of(const HttpExchange& exchange, const v1::Job& jo
   return *found;
 }
 
-/// The first byte that the header Range asks for. Other ranges are not known, and the whole is sent, as HTTP allows.
-std::optional<std::int64_t> range_of(const HttpExchange& exchange) {
-  const std::string range = exchange.header("Range");
+/// The bytes that the header Range asks for; the whole if there is none, or one that is not understood or has several
+/// parts, as HTTP allows. Nothing: the file has no such bytes.
+std::optional<ByteRange> range_of(const HttpExchange& exchange, const v1::StoredMesh& file) {
+  const ByteRange whole{0, file.size(), false};
+  const std::string text = exchange.header("Range"), if_same = exchange.header("If-Range");
   constexpr std::string_view kUnit = "bytes=";
-  if (!range.starts_with(kUnit) || !range.ends_with('-')) return std::nullopt;
-  const auto offset = offset_of(std::string_view(range).substr(kUnit.size(), range.size() - kUnit.size() - 1));
-  return offset ? std::optional(*offset) : std::nullopt;
+  if (!text.starts_with(kUnit) || (!if_same.empty() && if_same != "\"" + file.digest() + "\"")) return whole;
+  const std::string_view range = std::string_view(text).substr(kUnit.size());
+  const auto dash = std::min(range.find('-'), range.size());
+  const std::string_view from = range.substr(0, dash), to = range.substr(std::min(dash + 1, range.size()));
+  const auto first = offset_of(from.empty() ? "0" : from), last = offset_of(to.empty() ? "0" : to);
+  if (dash == range.size() || (from.empty() && to.empty()) || !first || !last) return whole;
+  if (from.empty()) {  // so many bytes at the end
+    if (*last == 0 || file.size() == 0) return std::nullopt;
+    return ByteRange{std::max<std::int64_t>(file.size() - *last, 0), file.size(), true};
+  }
+  if (!to.empty() && *last < *first) return whole;
+  if (*first >= file.size()) return std::nullopt;
+  return ByteRange{*first, to.empty() ? file.size() : std::min(*last, file.size() - 1) + 1, true};
+}
+
+/// Reads the next bytes of a mesh. Returns whether the client is still there.
+bool read_piece(HttpExchange& exchange, std::int64_t left, std::string* piece) {
+  piece->resize(std::min<std::size_t>(512 * 1024, static_cast<std::size_t>(left)));
+  const std::size_t least = std::min(kLeast, piece->size());
+  piece->resize(exchange.read_some(piece->data(), piece->size()));
+  return piece->size() >= least;
+}
+
+/// The job in the first part of a form. The second one is the mesh.
+Answer<v1::JobSpec> spec_of(Multipart& parts) {
+  constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as SubmitJob may have
+  const auto order = bad_request("The form must have the part spec, which is JSON, and then the part mesh.");
+  const auto first = parts.next();
+  if (!first) return tl::unexpected(first.error());
+  if (*first != "spec") return order;
+  std::string text;
+  for (;;) {
+    const auto piece = parts.read();
+    if (!piece) return tl::unexpected(piece.error());
+    if (piece->empty()) break;
+    text += *piece;
+    if (text.size() > kMostBytes)
+      return bad_request("The part spec may have " + std::to_string(kMostBytes) + " bytes.");
+  }
+  v1::JobSpec spec;
+  if (const auto read = read_json(text, &spec); !read) return tl::unexpected(read.error());
+  const auto second = parts.next();
+  if (!second) return tl::unexpected(second.error());
+  if (*second != "mesh") return order;
+  return spec;
+}
+
+/// Sends bytes of a result.
+void send_bytes(HttpExchange& exchange, v1::MeshService::Stub& meshes, const v1::StoredMesh& file,
+                const ByteRange& range) {
+  v1::DownloadMeshRequest request;
+  request.set_digest(file.digest());
+  request.set_offset(range.first);
+  grpc::ClientContext context;
+  exchange.pass_on(context);
+  const auto reader = meshes.DownloadMesh(&context, request);
+  v1::DownloadMeshResponse piece;
+  bool begun = false;
+  std::int64_t left = range.end - range.first;
+  while (left > 0 && reader->Read(&piece)) {
+    if (!begun) exchange.begin_bytes(range, file.size(), file.digest());
+    begun = true;
+    const std::string_view bytes = std::string_view(piece.chunk().data()).substr(0, static_cast<std::size_t>(left));
+    left -= static_cast<std::int64_t>(bytes.size());
+    if (!exchange.send(bytes)) break;  // the client is gone; it may ask for the rest
+  }
+  if (begun) context.TryCancel();
+  const grpc::Status status = reader->Finish();
+  if (begun) return;
+  if (!status.ok()) return exchange.refuse(status);
+  exchange.begin_bytes(range, file.size(), file.digest());
 }
 
 }  // namespace
@@ -99,23 +172,25 @@ void receive_mesh(HttpExchange& exchange, v1::MeshService::Stub& meshes) {
   v1::SendMeshResponse told;
   *message.mutable_header() = upload->header;
   bool goes_on = stream->Write(message) && stream->Read(&told), cut = false;
-  std::int64_t offset = upload->offset;
+  std::int64_t offset = upload->offset, written = 0;
+  const auto wait = [&] {
+    while (goes_on && !told.has_mesh() && told.committed_size() < written) goes_on = stream->Read(&told);
+    return goes_on && !told.has_mesh();
+  };
   std::string piece;
-  // Each piece waits for the answer to the one before: a call inside this process whose server has ended may otherwise
-  // wait for ever.
-  while (goes_on && !told.has_mesh() && offset < upload->header.size()) {
-    piece.resize(std::min(kPiece, static_cast<std::size_t>(upload->header.size() - offset)));
-    const std::size_t got = exchange.read_some(piece.data(), piece.size());
-    cut = got < piece.size();  // what came is kept
-    piece.resize(got);
+  // A piece is read while the server stores the one before, and waits for the answer to that: a call inside this
+  // process whose server has ended may otherwise wait for ever.
+  while (goes_on && !told.has_mesh() && offset < upload->header.size() && !cut) {
+    cut = !read_piece(exchange, upload->header.size() - offset, &piece);  // what came is kept
+    if (!wait() || piece.empty()) break;
     message.mutable_chunk()->set_offset(offset);
-    message.mutable_chunk()->set_data(piece);
-    offset += static_cast<std::int64_t>(got);
-    goes_on = got > 0 && stream->Write(message);
-    do goes_on = goes_on && stream->Read(&told);
-    while (goes_on && !told.has_mesh() && told.committed_size() < offset);
-    if (cut) break;
+    offset += static_cast<std::int64_t>(piece.size());
+    message.mutable_chunk()->set_data(std::move(piece));
+    goes_on = stream->Write(message);
+    written = offset;
+    piece = std::move(*message.mutable_chunk()->mutable_data());
   }
+  wait();
   if (cut)
     context.TryCancel();
   else
@@ -151,29 +226,55 @@ void send_result(HttpExchange& exchange, v1::JobService::Stub& jobs, v1::MeshSer
   }
   const auto result = result_of(exchange, known.job());
   if (!result) return exchange.refuse(status(result.error()));
-  const auto range = range_of(exchange);
-  if (range.value_or(-1) >= result->size())
-    return exchange.refuse(status(offset_outside_mesh(*range, result->size())), 416,
+  const auto range = range_of(exchange, *result);
+  if (!range)
+    return exchange.refuse(status(offset_outside_mesh(result->size(), result->size())), 416,
                            "Content-Range: bytes */" + std::to_string(result->size()) + "\r\n");
-  v1::DownloadMeshRequest request;
-  request.set_digest(result->digest());
-  request.set_offset(range.value_or(0));
+  send_bytes(exchange, meshes, *result, *range);
+}
+
+void receive_job(HttpExchange& exchange, v1::OptimiseService::Stub& optimise, const std::string& request_id) {
+  const auto expected = exchange.expect(kFormType);
+  Multipart parts(exchange);
+  v1::OptimiseRequest message;
+  auto spec = expected ? spec_of(parts) : tl::unexpected(expected.error());
+  if (!spec) return exchange.refuse(status(spec.error()));
+  const std::string digest = spec->mesh().digest();
+  spec->mutable_mesh()->clear_digest();
+  *message.mutable_spec()->mutable_spec() = std::move(*spec);
+  message.mutable_spec()->set_request_id(request_id);
   grpc::ClientContext context;
   exchange.pass_on(context);
-  const auto reader = meshes.DownloadMesh(&context, request);
-  v1::DownloadMeshResponse piece;
-  bool begun = false;
-  while (reader->Read(&piece)) {
-    if (!begun) exchange.begin_bytes(request.offset(), piece.size(), range.has_value(), result->digest());
-    begun = true;
-    if (exchange.send(piece.chunk().data())) continue;
-    context.TryCancel();  // the client is gone; it may ask for the rest
-    break;
+  const auto stream = optimise.Optimise(&context);
+  Sha256 hash;
+  std::int64_t offset = 0;
+  bool goes_on = stream->Write(message);
+  Answer<std::string_view> piece;
+  while (goes_on && (piece = parts.read()) && !piece->empty()) {
+    if (!digest.empty()) hash.update(*piece);
+    message.mutable_chunk()->set_offset(offset);
+    message.mutable_chunk()->set_data(piece->data(), piece->size());
+    offset += static_cast<std::int64_t>(piece->size());
+    goes_on = stream->Write(message);
   }
-  const grpc::Status status = reader->Finish();
-  if (!begun && status.ok())
-    exchange.begin_bytes(request.offset(), result->size(), range.has_value(), result->digest());
-  if (!begun && !status.ok()) exchange.refuse(status);
+  Answer<void> good;
+  if (!piece) good = tl::unexpected(piece.error());
+  if (good && goes_on) good = parts.end();
+  if (const std::string sent = digest.empty() ? "" : hash.finish(); good && goes_on && sent != digest)
+    good = digest_mismatch(sent, digest);
+  if (!good) {
+    context.TryCancel();  // no job is made of it
+    stream->Finish();
+    return exchange.refuse(status(good.error()));
+  }
+  stream->WritesDone();
+  v1::OptimiseResponse told;
+  if (!stream->Read(&told) || !told.has_accepted()) return exchange.refuse(stream->Finish());
+  context.TryCancel();  // the job goes on
+  stream->Finish();
+  v1::SubmitJobResponse submitted;
+  *submitted.mutable_job() = std::move(*told.mutable_accepted());
+  exchange.answer(submitted);
 }
 
 }  // namespace varimesh::server

@@ -1,4 +1,4 @@
-// The bytes of meshes and results over HTTP: uploads, which may be resumed, and downloads from any byte.
+// The bytes of meshes and results over HTTP: uploads, which may be resumed, and downloads of any range.
 #pragma once
 
 #include <string>
@@ -15,8 +15,13 @@ void receive_mesh(HttpExchange& exchange, v1::MeshService::Stub& meshes);
 /// Answers with how far an upload has come.
 void tell_upload(HttpExchange& exchange, v1::MeshService::Stub& meshes, const std::string& id);
 
-/// Answers with the bytes of a result of the job, or with those from a byte on that the header Range names. The query
-/// may have its format; without it the job must have one result.
+/// Makes a job of a form (multipart/form-data) with the part spec, a JobSpec as JSON, and then the part mesh, the bytes
+/// of the file, which are passed on as they come. If the spec has a digest, the mesh must have it. Answers with the
+/// job.
+void receive_job(HttpExchange& exchange, v1::OptimiseService::Stub& optimise, const std::string& request_id);
+
+/// Answers with the bytes of a result of the job, or with those that the header Range names. The query may have its
+/// format; without it the job must have one result.
 void send_result(HttpExchange& exchange, v1::JobService::Stub& jobs, v1::MeshService::Stub& meshes,
                  const std::string& job);
 

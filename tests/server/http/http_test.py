@@ -1,5 +1,6 @@
 """Calls over HTTP with JSON (--http): the same answers as by gRPC, for the same callers, and nothing for pages of other sites.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import concurrent.futures
 import hashlib
 import http.client
 import json
@@ -137,11 +138,25 @@ class Meshes(WithHttp):
             code, rest, headers = self.download(f"/v1/{job}/result?format={format}", Range="bytes=1000-")
             self.assertEqual((code, rest), (206, got[1000:]))
             self.assertEqual(headers["Content-Range"], f"bytes 1000-{len(got) - 1}/{len(got)}")
-            self.assertEqual(self.download(f"/v1/{job}/result?format={format}", Range=f"bytes={len(got)}-")[0], 416)
-            self.assertEqual(self.download(f"/v1/{job}/result?format={format}", Range="bytes=5-9")[1], got, "a range of another kind")
+            self.check_ranges(f"/v1/{job}/result?format={format}", got)
         self.assertEqual(self.ask("GET", f"/v1/{job}/result")[0], 400, "there are two")
         self.assertEqual(self.ask("GET", f"/v1/{job}/result?format=MESH_FORMAT_SU2")[0], 400)
         self.assertEqual(self.reason("GET", f"/v1/{UNKNOWN}/result"), (404, "JOB_NOT_FOUND"))
+
+    def check_ranges(self, path, whole):
+        size = len(whole)
+        for range, first, end in (("5-9", 5, 10), ("0-0", 0, 1), ("0-", 0, size), ("-7", size - 7, size), (f"-{size + 5}", 0, size),
+                                  (f"{size - 1}-", size - 1, size), (f"10-{size + 99}", 10, size), ("3-9223372036854775807", 3, size)):
+            code, part, headers = self.download(path, Range=f"bytes={range}")
+            self.assertEqual((code, part, headers["Content-Range"]), (206, whole[first:end], f"bytes {first}-{end - 1}/{size}"), range)
+        for range in (f"{size}-", f"{size + 5}-{size + 9}", "-0", "9223372036854775807-"):
+            code, _, headers = self.download(path, Range=f"bytes={range}")
+            self.assertEqual((code, headers["Content-Range"]), (416, f"bytes */{size}"), range)
+        for range in ("bytes=9-5", "bytes=0-1,5-6", "bytes=", "bytes=-", "bytes=x-", "bytes=--5", "lines=0-5", "bytes=99999999999999999999-"):
+            self.assertEqual(self.download(path, Range=range)[:2], (200, whole), range)
+        tag = f'"{hashlib.sha256(whole).hexdigest()}"'
+        self.assertEqual(self.download(path, **{"Range": "bytes=5-9", "If-Range": tag})[0], 206)
+        self.assertEqual(self.download(path, **{"Range": "bytes=5-9", "If-Range": '"another"'})[:2], (200, whole))
 
     def test_a_job_without_a_result(self):
         job = self.submit(LARGER, *ENDLESS)
@@ -203,6 +218,111 @@ class Meshes(WithHttp):
                 pass
         self.assertEqual(refused, 4)
         self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
+
+
+class Forms(WithHttp):
+    """A job and its mesh in one request."""
+
+    BOUNDARY = "~~here~~"
+
+    def form(self, *parts, boundary=BOUNDARY, end="--\r\n"):
+        text = b""
+        for name, data in parts:
+            text += f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"; filename="name=x"\r\n\r\n'.encode() + data + b"\r\n"
+        return text + f"--{boundary}{end}".encode()
+
+    def post(self, body, query="", type=f"multipart/form-data; boundary={BOUNDARY}", **headers):
+        return self.ask("POST", "/v1/jobs" + query, body, {"Content-Type": type, **headers})
+
+    def test_a_job_with_its_mesh(self):
+        mesh = MESH.read_bytes()
+        code, told = self.post(self.form(("spec", b"{}"), ("mesh", mesh)), "?requestId=once")
+        self.assertEqual(code, 200, told)
+        name = told["job"]["name"]
+        done = self.wait(name.removeprefix("jobs/"), "JOB_STATE_SUCCEEDED")
+        self.assertEqual(done["spec"]["mesh"]["digest"], hashlib.sha256(mesh).hexdigest())
+        self.assertEqual(self.post(self.form(("spec", b"{}"), ("mesh", mesh)), "?requestId=once")[1]["job"]["name"], name)
+        known = json.dumps(done["spec"]).encode()
+        self.assertEqual(self.post(self.form(("spec", known), ("mesh", mesh)))[0], 200, "with the right digest")
+        self.assertEqual(self.reason("POST", "/v1/jobs", self.form(("spec", known), ("mesh", mesh + b"\n")),
+                                     {"Content-Type": f"multipart/form-data; boundary={self.BOUNDARY}"}), (400, "DIGEST_MISMATCH"))
+
+    def test_whatever_bytes_the_mesh_has(self):
+        """Beginnings of the boundary in the mesh, and at the ends of pieces."""
+        almost = b"\r\n--" + self.BOUNDARY.encode()[:-1]
+        mesh = MESH.read_bytes()
+        head, _, tail = mesh.partition(b"$Nodes")
+        comment = b"$Comments\n%s\n$EndComments\n"
+        for filler in (almost * 3, b"\r" * 70000, almost * 100000, b"x" * ((1 << 20) - 200) + almost * 40):
+            data = head + comment % filler + b"$Nodes" + tail
+            told = self.post(self.form(("spec", b"{}"), ("mesh", data)))[1]
+            known = self.ask("GET", "/v1/" + told["job"]["name"])[1]["job"]
+            self.assertEqual(known["spec"]["mesh"]["digest"], hashlib.sha256(data).hexdigest())
+
+    def test_forms_that_are_none(self):
+        mesh = MESH.read_bytes()
+        good = self.form(("spec", b"{}"), ("mesh", mesh))
+        for what, body in (("the mesh first", self.form(("mesh", mesh), ("spec", b"{}"))), ("no mesh", self.form(("spec", b"{}"))),
+                           ("no spec", self.form(("mesh", mesh))), ("three parts", self.form(("spec", b"{}"), ("mesh", mesh), ("more", b""))),
+                           ("two meshes", self.form(("spec", b"{}"), ("mesh", mesh), ("mesh", mesh))), ("no JSON", self.form(("spec", b"{"), ("mesh", mesh))),
+                           ("no end", self.form(("spec", b"{}"), ("mesh", mesh), end="")), ("cut", good[:-30]), ("nothing", b""),
+                           ("another boundary", self.form(("spec", b"{}"), ("mesh", mesh), boundary="other")),
+                           ("a part without a name", good.replace(b'name="mesh"', b"")), ("an open name", good.replace(b'name="mesh"; filename="name=x"', b'name="mesh')),
+                           ("a long header", good.replace(b"Content-Disp", b"X: " + b"a" * 9000 + b"\r\nContent-Disp")),
+                           ("a spec that is too large", self.form(("spec", b" " * (5 << 20)), ("mesh", mesh)))):
+            with self.subTest(what):
+                self.assertEqual(self.post(body)[0], 400)
+        for type in ("multipart/form-data", "multipart/form-data; boundary=", "multipart/form-data; boundary=" + "a" * 71, "multipart/mixed; boundary=x"):
+            self.assertEqual(self.post(good, type=type)[0], 400, type)
+        self.assertEqual(self.post(good, "?validateOnly=true")[0], 400)
+        self.assertEqual(self.post(good, Origin="http://evil.example")[0], 403)
+        self.assertEqual(self.ask("GET", "/v1/jobs")[1], {}, "no job was made")
+        self.still_answers()
+
+    def test_with_curl(self):
+        if shutil.which("curl") is None:
+            self.skipTest("there is no curl")
+        (self.folder / "spec.json").write_text('{"outputs": ["MESH_FORMAT_VTU"]}')
+        done = subprocess.run(["curl", "-sS", "--fail-with-body", "-F", "spec=@spec.json", "-F", f"mesh=@{MESH}", f"http://{self.http}/v1/jobs"],
+                              capture_output=True, text=True, timeout=30, cwd=self.folder)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.wait(json.loads(done.stdout)["job"]["name"].removeprefix("jobs/"), "JOB_STATE_SUCCEEDED")
+
+    def test_a_large_mesh_is_not_held_in_memory(self):
+        host, port = self.http.rsplit(":", 1)
+        size = 300 << 20
+        head = self.form(("spec", b"{}"))[:-len(f"--{self.BOUNDARY}--\r\n")] + f'--{self.BOUNDARY}\r\nContent-Disposition: form-data; name="mesh"\r\n\r\n'.encode()
+        tail = f"\r\n--{self.BOUNDARY}--\r\n".encode()
+        before = self.server_peak()
+        with socket.create_connection((host, int(port)), 60) as connection:
+            connection.sendall((f"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: multipart/form-data; boundary={self.BOUNDARY}\r\n"
+                                f"Content-Length: {len(head) + size + len(tail)}\r\n\r\n").encode() + head)
+            for _ in range(300):
+                connection.sendall(bytes(1 << 20))
+            connection.sendall(tail)
+            self.assertIn(b" 200 OK", connection.recv(65536))
+        self.assertLess(self.server_peak() - before, 64 << 20)
+
+    def server_peak(self):
+        """The most memory that the server has had, in bytes."""
+        status = Path(f"/proc/{self.server.process.pid}/status").read_text()
+        return int(re.search(r"VmHWM:\s+(\d+) kB", status)[1]) << 10
+
+
+class FormLimits(Forms):
+    test_a_job_with_its_mesh = test_whatever_bytes_the_mesh_has = test_with_curl = test_forms_that_are_none = None
+    test_a_large_mesh_is_not_held_in_memory = None
+
+    def flags(self):
+        return ("--max-mesh-bytes", "2000000")
+
+    def test_a_mesh_that_is_too_large(self):
+        """The refusal comes before all of the mesh has."""
+        begun = time.monotonic()
+        code, told = self.post(self.form(("spec", b"{}"), ("mesh", bytes(6 << 20))))
+        self.assertEqual((code, told["details"][0]["reason"]), (429, "MESH_TOO_LARGE"))
+        self.assertLess(time.monotonic() - begun, 20)
+        self.still_answers()
 
 
 class Refusals(WithHttp):
@@ -284,6 +404,79 @@ class Refusals(WithHttp):
             done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", "--http", address], capture_output=True, text=True, timeout=20)
             self.assertEqual(done.returncode, 2, address)
             self.assertIn("--http 127.0.0.1:8080", done.stderr)
+
+
+class Slow(WithHttp):
+    """Those who send bytes one at a time have no place for longer than others."""
+
+    def drip(self, head, seconds, byte=b"x"):
+        """Sends a byte every half second. Returns what came, and after how long."""
+        host, port = self.http.rsplit(":", 1)
+        begun = time.monotonic()
+        with socket.create_connection((host, int(port)), 1) as connection:
+            connection.sendall(head)
+            connection.settimeout(0.5)
+            while time.monotonic() - begun < seconds:
+                try:
+                    connection.sendall(byte)
+                    return connection.recv(65536), time.monotonic() - begun
+                except TimeoutError:
+                    pass
+                except OSError:
+                    return b"", time.monotonic() - begun
+        self.fail(f"the server still waits after {seconds} s")
+
+    def test_bodies(self):
+        digest = "0" * 64
+        requests = [f"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: {type}\r\nContent-Length: {size}\r\n\r\n".encode()
+                    for type, size in (("application/json", 4000), ("application/json", 4000000), ("multipart/form-data; boundary=x", 1 << 30))]
+        requests.append(f"PUT /v1/meshes?digest={digest} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/octet-stream\r\n"
+                        f"Content-Length: {1 << 30}\r\n\r\n".encode())
+        with concurrent.futures.ThreadPoolExecutor() as pool:
+            for came, seconds in pool.map(lambda head: self.drip(head, 50), requests):
+                self.assertRegex(came, rb"^HTTP/1.1 (400|409) ")
+                self.assertGreater(seconds, 20)
+        self.still_answers()
+
+    def test_headers(self):
+        heads = (b"", b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n", b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ")
+        with concurrent.futures.ThreadPoolExecutor() as pool:
+            for came, seconds in pool.map(lambda head: self.drip(head, 10), heads):
+                self.assertNotIn(b" 200 ", came)
+        self.still_answers()
+
+    def test_headers_without_an_end(self):
+        host, port = self.http.rsplit(":", 1)
+        for line in (b"X: " + b"a" * 1000 + b"\r\n", b"a" * 1000):
+            sent = 0
+            with socket.create_connection((host, int(port)), 10) as connection:
+                connection.sendall(b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n")
+                try:
+                    while sent < 50 << 20:
+                        connection.sendall(line)
+                        sent += len(line)
+                except OSError:
+                    pass
+            self.assertLess(sent, 20 << 20, "the server reads on and on")
+        self.still_answers()
+
+    def test_readers(self):
+        """Who watches and takes no byte does not hold others up."""
+        job = self.submit(LARGER, *ENDLESS)
+        host, port = self.http.rsplit(":", 1)
+        slow = []
+        self.addCleanup(lambda: [one.close() for one in slow])
+        for _ in range(20):
+            one = socket.socket()
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            one.connect((host, int(port)))
+            one.sendall(f"GET /v1/jobs/{job}/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+            slow.append(one)
+        for _ in range(5):
+            begun = time.monotonic()
+            self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
+            self.assertLess(time.monotonic() - begun, 2)
+            time.sleep(0.5)
 
 
 class Callers(WithHttp):
