@@ -4,6 +4,8 @@ Under a flood every call must succeed. With VARIMESH_MEASURE=1, on a quiet machi
 times what it takes without a flood.
 """
 import contextlib
+import http.client
+import json
 import os
 import re
 import shutil
@@ -78,6 +80,7 @@ class Nginx(WithFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.port = free.getsockname()[1]
+        self.http = "127.0.0.1:8080"
 
     def configuration(self, change=lambda text: text):
         """The file of this test, which must differ from the one in deploy/ only in what it has to."""
@@ -87,7 +90,7 @@ class Nginx(WithFolder):
         user = "user root;\n" if os.geteuid() == 0 else ""
         for old, new in (("user www-data;\n", user), ("pid /run/nginx.pid", f"pid {self.folder}/pid"),
                          ("unix:/run/varimesh/socket", f"unix:{self.folder}/socket"),
-                         ("/etc/varimesh/", f"{self.folder}/"), ("listen 443 ", f"listen 127.0.0.1:{self.port} ")):
+                         ("http://127.0.0.1:8080", f"http://{self.http}"), ("/etc/varimesh/", f"{self.folder}/"), ("listen 443 ", f"listen 127.0.0.1:{self.port} ")):
             self.assertIn(old, text)
             text = text.replace(old, new)
         path = self.folder / "nginx.conf"
@@ -113,6 +116,45 @@ class Nginx(WithFolder):
         variables = {key: value for key, value in os.environ.items() if not re.match("VARIMESH_(TOKEN|TLS)", key)}
         return run(*arguments, "--server", f"localhost:{self.port}", "--tls-authority", self.folder / "authority.pem", *certificate,
                    env={**variables, "VARIMESH_TOKEN": token})
+
+    def ask(self, method, path, body=None, **headers):
+        """A request with HTTP and JSON. Returns the code and the bytes of the answer."""
+        connection = http.client.HTTPSConnection("localhost", self.port, timeout=60,
+                                                 context=ssl.create_default_context(cafile=self.folder / "authority.pem"))
+        self.addCleanup(connection.close)
+        connection.request(method, path, body, headers)
+        answer = connection.getresponse()
+        return answer.status, answer.read()
+
+    def test_http_and_json_go_through_it(self):
+        token = subprocess.run([os.environ["VARIMESHD"], "token", "ann", "--tokens", self.folder / "tokens"],
+                               capture_output=True, text=True, timeout=20).stdout.strip()
+        server = Server("--tokens", str(self.folder / "tokens"), "--http", "127.0.0.1:0", listen=f"unix:{self.folder}/socket")
+        self.addCleanup(server.stop)
+        deadline = time.monotonic() + 20
+        while not (found := re.search(r"http://(127\.0\.0\.1:\d+)/v1/", "".join(server.log))):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.01)
+        self.http = found[1]
+        self.serve(self.configuration())
+        while socket.socket().connect_ex(("127.0.0.1", self.port)):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.05)
+        form = b"".join(b'--x\r\nContent-Disposition: form-data; name="%s"\r\n\r\n%s\r\n' % part
+                        for part in ((b"spec", b"{}"), (b"mesh", MESH.read_bytes()))) + b"--x--\r\n"
+        kind = {"Content-Type": "multipart/form-data; boundary=x"}
+        self.assertEqual(self.ask("POST", "/v1/jobs", form, **kind)[0], 401)
+        known = {"Authorization": f"Bearer {token}"}
+        code, told = self.ask("POST", "/v1/jobs", form, **kind, **known)
+        self.assertEqual(code, 200, told)
+        job = json.loads(told)["job"]["name"]
+        code, events = self.ask("GET", f"/v1/{job}/events", **known)
+        self.assertEqual(code, 200, events)
+        self.assertIn(b"JOB_STATE_SUCCEEDED", events)
+        code, result = self.ask("GET", f"/v1/{job}/result", **known)
+        self.assertEqual((code, self.ask("GET", f"/v1/{job}/result", **known, Range="bytes=-9")[1]), (200, result[-9:]))
+        self.assertEqual(self.ask("GET", "/v1/info", **known, Origin="https://evil.example")[0], 403)
+        self.assertEqual(self.ask("GET", "/v1/jobs/%2e%2e%2fother")[0], 404)
 
     def test_jobs_go_through_it(self):
         token = subprocess.run([os.environ["VARIMESHD"], "token", "ann", "--tokens", self.folder / "tokens"],
