@@ -4,6 +4,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <strings.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 
@@ -115,6 +116,13 @@ std::string HttpExchange::header(const char* name) const {
   return std::ranges::all_of(text, [](char c) { return c >= ' ' && c <= '~'; }) ? text : "";
 }
 
+std::vector<std::string_view> HttpExchange::headers(const char* name) const {
+  std::vector<std::string_view> found;
+  for (int i = 0; i < request_.num_headers; ++i)
+    if (::strcasecmp(request_.http_headers[i].name, name) == 0) found.emplace_back(request_.http_headers[i].value);
+  return found;
+}
+
 Answer<std::vector<std::pair<std::string, std::string>>> HttpExchange::query() const {
   std::vector<std::pair<std::string, std::string>> fields;
   if (request_.query_string == nullptr) return fields;
@@ -145,9 +153,9 @@ Answer<void> HttpExchange::expect(std::string_view type) const {
 
 std::int64_t HttpExchange::size() const { return request_.content_length; }
 
-std::size_t HttpExchange::read_some(char* bytes, std::size_t count) {
+std::size_t HttpExchange::read_some(char* bytes, std::size_t count, Pauses pauses) {
   // civetweb waits for all bytes that it is asked for as long as some of them come, so it is asked for those that are
-  // there, or for one.
+  // there, or for one. After two seconds without any it says 0, and -1 if the client is gone.
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
   if (!socket_) socket_ = socket_of(request_);
   std::size_t have = 0;
@@ -156,7 +164,7 @@ std::size_t HttpExchange::read_some(char* bytes, std::size_t count) {
     if (*socket_ < 0 || ::ioctl(*socket_, FIONREAD, &there) != 0) there = 0;
     const std::size_t wanted = std::min(static_cast<std::size_t>(std::max(there, 1)), count - have);
     const int got = mg_read(connection_, bytes + have, wanted);
-    if (got <= 0) break;
+    if (got < 0 || (got == 0 && pauses == Pauses::Short)) break;
     have += static_cast<std::size_t>(got);
   }
   return have;
@@ -168,8 +176,8 @@ Answer<void> HttpExchange::read(google::protobuf::Message* message, std::size_t 
   if (count > most)
     return bad_request("The body has " + std::to_string(count) + " bytes, but may have " + std::to_string(most) + ".");
   std::string body(count, '\0');
-  if (read_some(body.data(), count) < count)
-    return bad_request("The body of the request did not come within " + std::to_string(kPatience.count()) + " s.");
+  if (read_some(body.data(), count, Pauses::Short) < count)
+    return bad_request("The body of the request did not come at once.");
   return read_json(body, message);
 }
 
@@ -231,8 +239,10 @@ void HttpExchange::answer(const google::protobuf::Message& message) {
   std::string text;
   if (!MessageToJsonString(message, &text).ok())
     return refuse({grpc::StatusCode::INTERNAL, "The answer cannot be written as JSON; please report it."});
-  send_http(connection_, 200, kJsonType, text + "\n");
+  answer_json(text + "\n");
 }
+
+void HttpExchange::answer_json(std::string_view text) { send_http(connection_, 200, kJsonType, text); }
 
 void HttpExchange::refuse(const grpc::Status& status, int http, const std::string& more) {
   google::rpc::Status full;

@@ -38,6 +38,8 @@ class HttpExchange {
   std::string address() const;
   /// A header; empty if it is missing, or has bytes that are no printable ASCII.
   std::string header(const char* name) const;
+  /// All headers of this name, as they are.
+  std::vector<std::string_view> headers(const char* name) const;
   /// The fields of the query in their order, decoded. INVALID_ARGUMENT if there are too many.
   Answer<std::vector<std::pair<std::string, std::string>>> query() const;
 
@@ -47,8 +49,11 @@ class HttpExchange {
   Answer<void> expect(std::string_view type) const;
   /// The size of the body, in bytes; negative if it is not known.
   std::int64_t size() const;
-  /// Reads this many bytes of the body. Returns how many came; fewer if the client is gone, or within half a minute.
-  std::size_t read_some(char* bytes, std::size_t count);
+  /// How long a client may send nothing: a few seconds, or as long as a piece may take.
+  enum class Pauses { Short, Long };
+  /// Reads this many bytes of the body, which has them. Returns how many came; fewer if the client is gone, or if there
+  /// are no more within half a minute.
+  std::size_t read_some(char* bytes, std::size_t count, Pauses pauses = Pauses::Long);
   /// Reads a body of JSON into a message. INVALID_ARGUMENT if it is not declared as JSON, has more than `most` bytes,
   /// does not come soon, or is no JSON of this message.
   Answer<void> read(google::protobuf::Message* message, std::size_t most);
@@ -83,6 +88,8 @@ class HttpExchange {
   void answer_nothing();
   /// Answers with a message as proto3 JSON.
   void answer(const google::protobuf::Message& message);
+  /// Answers with a document of JSON.
+  void answer_json(std::string_view text);
   /// Answers with the status as google.rpc.Status, and its code as HTTP has it. `http`: another code of HTTP.
   /// `more`: further header lines, each with its end of line.
   void refuse(const grpc::Status& status, int http = 0, const std::string& more = {});

@@ -3,6 +3,7 @@
 
 #include <civetweb.h>
 
+#include <algorithm>
 #include <charconv>
 
 #include "server/http/events.h"
@@ -20,11 +21,12 @@ constexpr int kMostTransfers = 32, kMostTransfersOfPeer = 8;
 /// How many may watch jobs. Each has a thread of its own beside the others.
 constexpr int kMostWatches = 256, kMostWatchesOfPeer = 128;
 
-/// Whether the request may come from a browser at all: no page, or one of this very port.
+/// Whether a page of another site may have sent the request: any of its headers says so, however many there are.
 bool is_from_elsewhere(const HttpExchange& exchange) {
-  const std::string origin = exchange.header("Origin"), site = exchange.header("Sec-Fetch-Site");
-  return (!origin.empty() && origin != "http://" + exchange.header("Host")) ||
-         (!site.empty() && site != "same-origin" && site != "none");
+  const std::string own = "http://" + exchange.header("Host");
+  return !std::ranges::all_of(exchange.headers("Origin"), [&](auto origin) { return origin == own; }) ||
+         !std::ranges::all_of(exchange.headers("Sec-Fetch-Site"),
+                              [](auto site) { return site == "same-origin" || site == "none"; });
 }
 
 Answer<bool> flag_of(const std::string& name, const std::string& value) {
@@ -75,7 +77,7 @@ int Gateway::handle(mg_connection* connection) {
 }
 
 void Gateway::answer(HttpExchange& exchange) const {
-  if (!is_own_host(exchange.header("Host").c_str()))
+  if (exchange.headers("Host").size() != 1 || !is_own_host(exchange.header("Host").c_str()))
     return exchange.refuse(status(bad_request("Only this machine may use this port; use the address 127.0.0.1.")), 421);
   if (is_from_elsewhere(exchange))
     return exchange.refuse({grpc::StatusCode::PERMISSION_DENIED, "Pages of other sites may not use this port."});

@@ -381,6 +381,11 @@ class Refusals(WithHttp):
             for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "10.0.0.1", "localhost.evil.example", ""):
                 self.assertEqual(self.ask(method, path, "{}", {**JSON, "Host": host})[0], 421, (method, path, host))
         self.assertIn(b" 421 ", self.send(b"GET /v1/info HTTP/1.0\r\n\r\n"))
+        for headers in ("Origin: http://127.0.0.1\r\nOrigin: http://evil.example", "Origin:", "Origin: http://\xff", "Sec-Fetch-Site: x\xff",
+                        "Sec-Fetch-Site: none\r\nSec-Fetch-Site: cross-site"):
+            came = self.send(f"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n{headers}\r\n\r\n".encode("latin-1"))
+            self.assertIn(b" 403 ", came, headers)
+        self.assertIn(b" 421 ", self.send(b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil.example\r\n\r\n"))
         own = {"Origin": f"http://{self.http}", "Sec-Fetch-Site": "same-origin"}
         self.assertEqual(self.ask("GET", "/v1/info", headers=own)[0], 200)
 
@@ -437,6 +442,16 @@ class Slow(WithHttp):
                 self.assertRegex(came, rb"^HTTP/1.1 (400|409) ")
                 self.assertGreater(seconds, 20)
         self.still_answers()
+
+    def test_an_upload_may_pause(self):
+        data = MESH.read_bytes()
+        host, port = self.http.rsplit(":", 1)
+        with socket.create_connection((host, int(port)), 20) as connection:
+            connection.sendall(f"PUT /v1/meshes?digest={hashlib.sha256(data).hexdigest()} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: "
+                               f"application/octet-stream\r\nContent-Length: {len(data)}\r\n\r\n".encode() + data[:500])
+            time.sleep(7)
+            connection.sendall(data[500:])
+            self.assertIn(b" 200 OK", connection.recv(65536))
 
     def test_headers(self):
         heads = (b"", b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n", b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ")
