@@ -7,13 +7,12 @@
 #include <charconv>
 
 #include "server/http/events.h"
+#include "server/http/openapi.h"
 #include "server/http/transfers.h"
 #include "server/streams/status.h"
 
 namespace varimesh::server {
 namespace {
-
-constexpr std::string_view kJobs = "/v1/jobs", kUploads = "/v1/uploads/";
 
 /// How many of the threads may be busy with the bytes of meshes, of all callers and of one. The others stay for calls
 /// that are short.
@@ -32,14 +31,6 @@ bool is_from_elsewhere(const HttpExchange& exchange) {
 Answer<bool> flag_of(const std::string& name, const std::string& value) {
   if (value == "true" || value == "false") return value == "true";
   return bad_request("The field " + name + " must be true or false.");
-}
-
-void refuse_method(HttpExchange& exchange, const std::string& allowed) {
-  exchange.refuse(status(bad_request("This address takes " + allowed + " only.")), 405, "Allow: " + allowed + "\r\n");
-}
-
-void refuse_address(HttpExchange& exchange) {
-  exchange.refuse({grpc::StatusCode::NOT_FOUND, "There is nothing at this address; docs/http.md lists all."});
 }
 
 }  // namespace
@@ -81,58 +72,51 @@ void Gateway::answer(HttpExchange& exchange) const {
     return exchange.refuse(status(bad_request("Only this machine may use this port; use the address 127.0.0.1.")), 421);
   if (is_from_elsewhere(exchange))
     return exchange.refuse({grpc::StatusCode::PERMISSION_DENIED, "Pages of other sites may not use this port."});
-  if (exchange.path() == "/v1/info") {
-    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
-    return exchange.call(*jobs_, &v1::JobService::Stub::GetServerInfo, v1::GetServerInfoRequest());
-  }
-  if (exchange.path() == "/v1/meshes") {
-    if (exchange.method() != "POST" && exchange.method() != "PUT") return refuse_method(exchange, "POST, PUT");
-    return work_long(exchange, Method::SendMesh, transfers_, [&] { receive_mesh(exchange, *meshes_); });
-  }
-  if (exchange.path().starts_with(kUploads)) {
-    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
-    return tell_upload(exchange, *meshes_, std::string(exchange.path().substr(kUploads.size())));
-  }
-  if (exchange.path().starts_with(kJobs)) return answer_about_jobs(exchange);
-  refuse_address(exchange);
+  const Routed routed = route(exchange.method(), exchange.path());
+  if (routed.route != nullptr) return answer(exchange, *routed.route, routed.id);
+  if (!routed.methods.empty())
+    return exchange.refuse(status(bad_request("This address takes " + routed.methods + " only.")), 405,
+                           "Allow: " + routed.methods + "\r\n");
+  exchange.refuse({grpc::StatusCode::NOT_FOUND, "There is nothing at this address; docs/http.md lists all."});
 }
 
-void Gateway::answer_about_jobs(HttpExchange& exchange) const {
-  std::string_view rest = exchange.path().substr(kJobs.size());
-  if (rest.empty()) {
-    if (exchange.method() == "GET") return list(exchange);
-    if (exchange.method() == "POST") return submit(exchange);
-    return refuse_method(exchange, "GET, POST");
-  }
-  if (!rest.starts_with('/')) return refuse_address(exchange);
-  rest.remove_prefix(1);
-  const auto end = std::min(rest.find('/'), rest.size());
-  answer_about(exchange, "jobs/" + std::string(rest.substr(0, end)), rest.substr(end));
-}
-
-void Gateway::answer_about(HttpExchange& exchange, const std::string& job, std::string_view action) const {
+void Gateway::answer(HttpExchange& exchange, const Route& route, const std::string& id) const {
+  using Jobs = v1::JobService::Stub;
+  const std::string job = "jobs/" + id;
   const auto named = [&](auto request) {
     request.set_name(job);
     return request;
   };
-  if (action == "/cancel") {
-    if (exchange.method() != "POST") return refuse_method(exchange, "POST");
-    return exchange.call(*jobs_, &v1::JobService::Stub::CancelJob, named(v1::CancelJobRequest()));
+  switch (route.to) {
+    case Route::To::Info:
+      return exchange.call(*jobs_, &Jobs::GetServerInfo, v1::GetServerInfoRequest());
+    case Route::To::Document:
+      return describe(exchange, route);
+    case Route::To::Submit:
+      return submit(exchange);
+    case Route::To::List:
+      return list(exchange);
+    case Route::To::Get:
+      return exchange.call(*jobs_, &Jobs::GetJob, named(v1::GetJobRequest()));
+    case Route::To::Delete:
+      return exchange.call(*jobs_, &Jobs::DeleteJob, named(v1::DeleteJobRequest()));
+    case Route::To::Cancel:
+      return exchange.call(*jobs_, &Jobs::CancelJob, named(v1::CancelJobRequest()));
+    case Route::To::Events:
+      return work_long(exchange, route.call, watches_, [&] { send_events(exchange, *jobs_, job); });
+    case Route::To::Result:
+      return work_long(exchange, route.call, transfers_, [&] { send_result(exchange, *jobs_, *meshes_, job); });
+    case Route::To::SendMesh:
+      return work_long(exchange, route.call, transfers_, [&] { receive_mesh(exchange, *meshes_); });
+    case Route::To::QueryUpload:
+      return tell_upload(exchange, *meshes_, id);
   }
-  if (action == "/result") {
-    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
-    return work_long(exchange, Method::DownloadMesh, transfers_, [&] { send_result(exchange, *jobs_, *meshes_, job); });
-  }
-  if (action == "/events") {
-    if (exchange.method() != "GET") return refuse_method(exchange, "GET");
-    return work_long(exchange, Method::WatchJob, watches_, [&] { send_events(exchange, *jobs_, job); });
-  }
-  if (!action.empty()) return refuse_address(exchange);
-  if (exchange.method() == "GET")
-    return exchange.call(*jobs_, &v1::JobService::Stub::GetJob, named(v1::GetJobRequest()));
-  if (exchange.method() == "DELETE")
-    return exchange.call(*jobs_, &v1::JobService::Stub::DeleteJob, named(v1::DeleteJobRequest()));
-  refuse_method(exchange, "GET, DELETE");
+}
+
+void Gateway::describe(HttpExchange& exchange, const Route& route) const {
+  const auto admitted = admit_(route.call, exchange.header("Authorization"), exchange.address());
+  if (!admitted) return exchange.refuse(status(admitted.error()));
+  exchange.answer_json(openapi_document());
 }
 
 void Gateway::work_long(HttpExchange& exchange, Method method, Places& places,

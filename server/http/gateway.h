@@ -13,6 +13,7 @@
 #include "server/failure.h"
 #include "server/http/exchange.h"
 #include "server/http/listen.h"
+#include "server/http/routes.h"
 #include "server/streams/peer_counts.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
@@ -20,18 +21,7 @@ namespace varimesh::server {
 
 /// An HTTP server whose requests become calls of this server's own services, so callers, owners, limits, the log and
 /// traces are the same. Bodies are proto3 JSON of the contract's messages; errors are google.rpc.Status.
-///
-///   GET /v1/info                  GetServerInfo
-///   POST /v1/jobs                 SubmitJob; the body is a JobSpec, ?requestId=…&validateOnly=true the rest
-///                                 or Optimise; the body is a form with the parts spec and mesh
-///   GET /v1/jobs                  ListJobs; ?states=JOB_STATE_RUNNING&labels.KEY=VALUE&pageSize=…&pageToken=…
-///   GET /v1/jobs/ID               GetJob
-///   POST /v1/jobs/ID/cancel       CancelJob
-///   DELETE /v1/jobs/ID            DeleteJob
-///   GET /v1/jobs/ID/events        WatchJob, as server-sent events; ?after=…&minInterval=…
-///   GET /v1/jobs/ID/result        DownloadMesh of a result; ?format=MESH_FORMAT_VTU if there are several
-///   POST /v1/meshes?digest=…      SendMesh; &uploadId=…&offset=… goes on with an upload; also PUT
-///   GET /v1/uploads/ID?digest=…   QueryUpload
+/// routes.h has the addresses.
 ///
 /// A token comes as "Authorization: Bearer TOKEN"; there are no cookies. A page of another site is refused by its
 /// Origin, and one whose name was made to point here (DNS rebinding) by its Host.
@@ -52,9 +42,9 @@ class Gateway {
   Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit);
   static int handle(mg_connection* connection);
   void answer(HttpExchange& exchange) const;
-  void answer_about_jobs(HttpExchange& exchange) const;
-  /// Answers a request for the job of this name; `action` is what follows the name in the path.
-  void answer_about(HttpExchange& exchange, const std::string& job, std::string_view action) const;
+  /// Answers a request that goes to this route; `id` is what stands for {…} in its path.
+  void answer(HttpExchange& exchange, const Route& route, const std::string& id) const;
+  void describe(HttpExchange& exchange, const Route& route) const;
   /// Requests that keep a thread for long, of all callers and of each.
   struct Places {
     PeerCounts all, of_peer;

@@ -21,6 +21,7 @@ UNKNOWN = "jobs/" + "0" * 32
 CALLS = [("GET", "/v1/info"), ("POST", "/v1/jobs"), ("GET", "/v1/jobs"), ("GET", "/v1/jobs/JOB"), ("POST", "/v1/jobs/JOB/cancel"),
          ("DELETE", "/v1/jobs/JOB"), ("GET", "/v1/jobs/JOB/result"), ("GET", "/v1/jobs/JOB/events?after=99999999999"), ("POST", "/v1/meshes?digest=" + "0" * 64),
          ("GET", "/v1/uploads/one?digest=" + "0" * 64)]
+DOCUMENT = ("GET", "/v1/openapi.json")
 BYTES = {"Content-Type": "application/octet-stream"}
 
 
@@ -373,7 +374,7 @@ class Refusals(WithHttp):
         self.still_answers()
 
     def test_pages_of_other_sites(self):
-        for method, path in CALLS:
+        for method, path in (*CALLS, DOCUMENT):
             path = path.replace("JOB", "0" * 32)
             for headers in ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": "http://127.0.0.1:1"},
                             {"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "same-site"}):
@@ -511,7 +512,7 @@ class Callers(WithHttp):
         return self.submit(LARGER, *ENDLESS, env={**os.environ, "VARIMESH_TOKEN": self.token[name]})
 
     def test_nobody_without_a_token(self):
-        for method, path in CALLS:
+        for method, path in (*CALLS, DOCUMENT):
             for headers in ({}, {"Authorization": "Bearer x"}, {"Authorization": "Basic YTpi"}, {"Authorization": b"Bearer \xff\xfe"},
                             {"Authorization": "Bearer " + "a" * 9000}, {"Cookie": "token=" + self.token["ann"]}):
                 code, reason = self.reason(method, path.replace("JOB", "0" * 32), "{}", {**JSON, **headers})
