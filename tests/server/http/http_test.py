@@ -542,6 +542,14 @@ class Callers(WithHttp):
                 else:
                     self.assertEqual(code, 403, (name, method, path, reason))
 
+    def test_a_form_needs_the_rights_to_submit_and_to_read(self):
+        form = b'--x\r\nContent-Disposition: form-data; name="spec"\r\n\r\n{}\r\n--x\r\nContent-Disposition: form-data; name="mesh"\r\n\r\n'
+        form += MESH.read_bytes() + b"\r\n--x--\r\n"
+        for name, expected in (("reader", 403), ("submitter", 403), ("ann", 200)):
+            headers = {**self.of(name), "Content-Type": "multipart/form-data; boundary=x"}
+            self.assertEqual(self.ask("POST", "/v1/jobs", form, headers)[0], expected, name)
+        self.assertEqual(len(self.ask("GET", "/v1/jobs", headers=self.of("ann"))[1]["jobs"]), 1)
+
     def test_the_jobs_of_others_are_not_there(self):
         job = self.submit_as("ann")
         known = self.ask("GET", f"/v1/jobs/{job}", headers=self.of("ann"))[1]["job"]
