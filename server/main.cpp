@@ -22,6 +22,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <iostream>
 #include <string>
 
@@ -42,6 +43,7 @@
 #include "server/resources/descriptors.h"
 #include "server/server.h"
 #include "server/state/default_address.h"
+#include "server/tls/private_file.h"
 #include "server/tracing/exporter.h"
 
 namespace {
@@ -197,16 +199,30 @@ varimesh::Expected<varimesh::server::Engine> engine_for(const Flags& flags) {
                                            .warn = [](const std::string& line) { spdlog::warn("{}", line); }});
 }
 
+/// The headers for the collector: those of the environment, and those of the file of --traces-headers.
+varimesh::Expected<std::string> headers_for_traces(const std::string& file) {
+  const char* const given = std::getenv("OTEL_EXPORTER_OTLP_HEADERS");
+  std::string headers = given == nullptr ? "" : given;
+  if (file.empty()) return headers;
+  if (auto checked = varimesh::server::check_file_is_private("--traces-headers", file); !checked)
+    return tl::unexpected(checked.error());
+  std::ifstream stream(file);
+  for (std::string line; std::getline(stream, line);) headers += "," + line;
+  if (!stream.eof()) return varimesh::server::unusable("--traces-headers", file, "it cannot be read");
+  return headers;
+}
+
 /// Makes the server send what its work takes to a collector, if the user wants it.
 varimesh::Expected<void> send_traces(Flags& flags) {
   if (flags.traces.empty()) return {};
   char host[256] = "";
   ::gethostname(host, sizeof host - 1);
-  const char* const headers = std::getenv("OTEL_EXPORTER_OTLP_HEADERS");
+  auto headers = headers_for_traces(flags.traces_headers);
+  if (!headers) return tl::unexpected(headers.error());
   constexpr const char* kRoles[] = {"all", "frontend", "worker"};
   auto sink = varimesh::server::export_spans(
       {.url = flags.traces,
-       .headers = headers == nullptr ? "" : headers,
+       .headers = std::move(*headers),
        .resource = {{"service.name", "varimeshd"},
                     {"service.version", std::string(varimesh::version())},
                     {"service.instance.id", std::string(host) + ":" + std::to_string(::getpid())},

@@ -45,7 +45,10 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
                  "any free port");
   app.add_option("--traces", flags.traces,
                  "http://HOST:PORT or https://HOST:PORT of a collector of traces (OTLP over HTTP), which is told what "
-                 "submitting, waiting for and running a job took; OTEL_EXPORTER_OTLP_HEADERS may have a key for it");
+                 "submitting, waiting for and running a job took");
+  app.add_option("--traces-headers", flags.traces_headers,
+                 "File with a key for that collector, which only this user can read: KEY=VALUE, one a line "
+                 "(OTEL_EXPORTER_OTLP_HEADERS may have it as well)");
   app.add_option(
          "--tokens", options.tokens,
          "File of the tokens that callers need, one line each, as 'varimeshd token' writes it; it is read again "

@@ -15,6 +15,7 @@ struct Flags {
   std::string log_level = "info";
   std::string log_format = "text";
   std::string traces;             ///< The address of a collector of traces. Empty: none are sent.
+  std::string traces_headers;     ///< A file with headers for that collector. Empty: none.
   std::string store;              ///< The address of the database of the jobs. Empty: they are in the state directory.
   bool runs_in_processes = true;  ///< Every job runs in a process of its own.
   bool migrate = false;           ///< Only make or update the tables of that database.

@@ -8,13 +8,14 @@
 #include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509.h>
-#include <sys/stat.h>
 #include <sys/time.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <cstring>
+
+#include "server/tls/private_file.h"
 
 namespace varimesh::server {
 namespace {
@@ -40,34 +41,8 @@ std::string reason() {
   return words != nullptr ? words : text.data();
 }
 
-tl::unexpected<Error> unusable(const std::string& flag, const std::string& file, const std::string& why) {
-  return bad_option("The file '" + file + "' of " + flag + " cannot be used: " + why + ".");
-}
-
 /// Nobody can type the password of a key into a server.
 int no_password(char*, int, int, void*) { return 0; }
-
-/// Whoever can write a key or an authority can become the server or any client.
-Expected<void> check_nobody_else_writes(const std::string& flag, const std::string& file, struct stat* status) {
-  if (::stat(file.c_str(), status) != 0) return unusable(flag, file, std::strerror(errno));
-  if (status->st_uid != ::geteuid() && status->st_uid != 0)
-    return unusable(flag, file,
-                    "it belongs to another user (uid " + std::to_string(status->st_uid) + "); run chown on it");
-  if ((status->st_mode & (S_IWGRP | S_IWOTH)) != 0)
-    return unusable(flag, file, "other users can write it; run chmod go-w on it");
-  return {};
-}
-
-/// A key of root's may be readable by a group, since that is how systems hand keys to services.
-Expected<void> check_key_is_private(const std::string& file) {
-  struct stat status {};
-  if (auto checked = check_nobody_else_writes("--tls-key", file, &status); !checked) return checked;
-  if ((status.st_mode & S_IROTH) != 0)
-    return unusable("--tls-key", file, "every user of this machine can read it; run chmod go-rwx on it");
-  if (status.st_uid != 0 && (status.st_mode & S_IRGRP) != 0)
-    return unusable("--tls-key", file, "the users of its group can read it; run chmod go-rwx on it");
-  return {};
-}
 
 /// `bytes`: the file that has the bytes of `file`.
 Expected<void> check_time(const std::string& file, const std::string& bytes) {
@@ -86,9 +61,9 @@ Expected<void> check_tls_files(const TlsFiles& files, const TlsFiles* copies) {
   if (!files.are_given()) return {};
   if (files.certificate.empty() || files.key.empty())
     return bad_option("TLS needs both --tls-certificate and --tls-key; 'varimesh certificates' makes files to try it.");
-  if (auto checked = check_key_is_private(files.key); !checked) return checked;
-  if (struct stat status{}; files.are_mutual())
-    if (auto checked = check_nobody_else_writes("--tls-authority", files.authority, &status); !checked) return checked;
+  if (auto checked = check_file_is_private("--tls-key", files.key); !checked) return checked;
+  if (files.are_mutual())
+    if (auto checked = check_nobody_else_writes("--tls-authority", files.authority); !checked) return checked;
   const TlsFiles& bytes = copies == nullptr ? files : *copies;
   const Owned<SSL_CTX> context(SSL_CTX_new(TLS_server_method()));
   if (context == nullptr) return unusable("--tls-certificate", files.certificate, reason());

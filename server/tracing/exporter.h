@@ -14,7 +14,7 @@ namespace varimesh::server {
 
 struct ExportSettings {
   std::string url;      ///< Of the collector, without /v1/traces.
-  std::string headers;  ///< KEY=VALUE,KEY=VALUE: more headers of each request, such as those of a key. Never logged.
+  std::string headers;  ///< KEY=VALUE,KEY=VALUE: more headers of each request, such as a key. Never logged.
   /// What the collector is told about this server.
   std::vector<std::pair<std::string, std::string>> resource;
   std::function<void(const std::string& line)> log = [](const std::string&) {};

@@ -7,6 +7,7 @@ number in server/tracing/otlp.proto is seen. The last test needs PostgreSQL's se
 """
 import os
 import re
+import subprocess
 import sys
 import tempfile
 import threading
@@ -17,7 +18,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "postgres"), str(Path(__file__).resolve().parents[2] / "client")]
 import farm
-from programs import LARGER, MESH, Server, run
+from programs import LARGER, MESH, VARIMESHD, Server, run
 
 TRACE, PARENT = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
 PHASES = {"sweeps", "newton", "untangle", "accuracy"}
@@ -190,6 +191,24 @@ class OneServer(WithCollector, unittest.TestCase):
         log = "".join(server.log)
         self.assertNotIn("secret", log)
         self.assertRegex(log, rf'"trace_id": ?"{TRACE}"')
+
+    def test_a_key_comes_from_a_file_that_nobody_else_can_read(self):
+        collector = Collector()
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "headers"
+            file.write_text("x-key=secret\nx-other=2\n")
+            file.chmod(0o644)
+            refused = subprocess.run([VARIMESHD, "--traces", collector.address, "--traces-headers", file], capture_output=True,
+                                     text=True, timeout=20)
+            self.assertEqual(refused.returncode, 2)
+            self.assertIn("every user of this machine can read it", refused.stderr)
+            file.chmod(0o600)
+            server = self.serve(collector, "--traces-headers", file)
+            job = submit(server, MESH)
+            self.check(wait_for(collector, "run", job), job)
+        for _, headers in collector.headers:
+            self.assertEqual((headers["x-key"], headers["x-other"]), ("secret", "2"))
+        self.assertNotIn("secret", Path(f"/proc/{server.process.pid}/cmdline").read_text())
 
     def test_a_call_without_a_trace_begins_one(self):
         collector = Collector()
