@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <numeric>
+#include <span>
 #include <string>
 #include <unordered_map>
 
@@ -144,15 +146,7 @@ class FixedNodes {
     const std::vector<double> quality = cell_quality(mesh_, 0, threads).scaled_jacobian;
     std::vector<bool> inside(cells_.count());
     for (std::size_t cell = 0; cell < inside.size(); ++cell) inside[cell] = quality[cell] < below;
-    for (int ring = 0; ring < rings; ++ring) {
-      std::vector<bool> touched(mesh_.node_count(), false);
-      for_each_vertex(inside, [&](std::size_t, std::int32_t node) { touched[std::size_t(node)] = true; });
-      std::vector<bool> outside = inside;
-      outside.flip();
-      for_each_vertex(outside, [&](std::size_t cell, std::int32_t node) {
-        if (touched[std::size_t(node)]) inside[cell] = true;
-      });
-    }
+    add_rings(inside, rings);
     for (std::size_t cell = 0; cell < inside.size(); ++cell)
       if (!inside[cell]) fix_all(cells_.nodes(cell));
   }
@@ -160,6 +154,31 @@ class FixedNodes {
   std::vector<bool> take() { return std::move(fixed_); }
 
  private:
+  // Adds layers of cells around those inside. Looks at each cell once, however many layers there are.
+  void add_rings(std::vector<bool>& inside, int rings) const {
+    std::vector<std::size_t> end(mesh_.node_count(), 0);  // of the cells around each vertex
+    for (std::size_t cell = 0; cell < inside.size(); ++cell)
+      for (const std::int32_t vertex : vertices(cell)) ++end[std::size_t(vertex)];
+    std::partial_sum(end.begin(), end.end(), end.begin());
+    std::vector<std::size_t> around(end.empty() ? 0 : end.back()), begin = end, ring, next;
+    for (std::size_t cell = 0; cell < inside.size(); ++cell) {
+      for (const std::int32_t vertex : vertices(cell)) around[--begin[std::size_t(vertex)]] = cell;
+      if (inside[cell]) ring.push_back(cell);
+    }
+    for (; rings > 0 && !ring.empty(); --rings, ring.swap(next)) {
+      next.clear();
+      for (const std::size_t cell : ring)
+        for (const std::int32_t vertex : vertices(cell)) {
+          const auto v = std::size_t(vertex);
+          for (; begin[v] < end[v]; ++begin[v])  // whoever comes to this vertex later finds nothing new
+            if (const std::size_t neighbour = around[begin[v]]; !inside[neighbour]) {
+              inside[neighbour] = true;
+              next.push_back(neighbour);
+            }
+        }
+    }
+  }
+
   template <class Nodes>
   void fix_all(const Nodes& nodes) {
     for (const std::int32_t node : nodes) fixed_[std::size_t(node)] = true;
@@ -219,13 +238,8 @@ class FixedNodes {
     }
   }
 
-  template <class Use>
-  void for_each_vertex(const std::vector<bool>& of_cells, Use use) const {
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
-      if (!of_cells[cell]) continue;
-      const auto nodes = cells_.nodes(cell);
-      for (int v = 0; v < reference::info(cells_.shape(cell)).vertices; ++v) use(cell, nodes[std::size_t(v)]);
-    }
+  std::span<const std::int32_t> vertices(std::size_t cell) const {
+    return cells_.nodes(cell).first(std::size_t(reference::info(cells_.shape(cell)).vertices));
   }
 
   const HighOrderMesh& mesh_;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <set>
 
 #include "core/mesh/changes/displacements.h"
@@ -215,6 +216,19 @@ TEST_P(RegionBelow, MovesNoNodeOutsideItsRingsBitForBit) {
     EXPECT_GT(testing::distance(result->mesh, mesh), 0.01) << "the bad node should move";
     EXPECT_GT(result->after.min_scaled_jacobian, result->before.min_scaled_jacobian);
   }
+}
+
+TEST(Region, OfMoreLayersThanThereAreIsTheWholeMesh) {
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {50'000, 1, 0}, 2);
+  const Cells cells(mesh, 2);
+  mesh.coordinates[3 * std::size_t(cells.nodes(0).back())] += 1e-5;  // the node inside the first cell, half as wide
+  Options options;
+  options.region_below = 0.5;
+  options.rings = 3;
+  const auto inside = [](const std::vector<bool>& fixed) { return std::count(fixed.begin(), fixed.end(), false); };
+  EXPECT_EQ(inside(fixed_with(mesh, options)), 4 + 3) << "nodes in four cells, and on the edges between them";
+  options.rings = std::numeric_limits<int>::max();
+  EXPECT_EQ(fixed_with(mesh, options), fixed_with(mesh, {}));
 }
 
 TEST(EmptyRegion, LeavesAGoodMeshAsItIs) {
