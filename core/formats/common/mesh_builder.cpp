@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "core/reference/nodes.h"
 
@@ -135,13 +136,12 @@ HighOrderMesh MeshBuilder::take() {
   if (mesh_.dimension < 2) fail("it has no elements of a plane or a solid");
   for (const ElementBlock& block : mesh_.blocks)
     if (reference::info(block.shape).dimension == mesh_.dimension) mesh_.order = std::max(mesh_.order, block.order);
-  for (PhysicalGroup& group : names_) {
-    const auto has = [&](const ElementBlock& block) {
-      return reference::info(block.shape).dimension == group.dimension &&
-             std::find(block.physical.begin(), block.physical.end(), group.tag) != block.physical.end();
-    };
-    if (std::any_of(mesh_.blocks.begin(), mesh_.blocks.end(), has)) mesh_.physical_groups.push_back(std::move(group));
-  }
+  std::set<std::pair<int, int>> used;  // dimension, tag
+  for (const ElementBlock& block : mesh_.blocks)
+    for (const int tag : block.physical)
+      if (used.emplace(reference::info(block.shape).dimension, tag).second) allowance_.take(1, kTreeNode);
+  for (PhysicalGroup& group : names_)
+    if (used.contains({group.dimension, group.tag})) mesh_.physical_groups.push_back(std::move(group));
   mesh_.node_blocks = {{-1, 0, 0, std::int32_t(mesh_.node_count())}};
   return std::move(mesh_);
 }

@@ -56,7 +56,7 @@ MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension) {
 
   std::map<int, std::vector<int>> members;  // by tag
   for (const auto& in : order)
-    for (const int tag : in) members[tag].push_back(attribute[in]);
+    for (const int own = attribute[in]; const int tag : in) members[tag].push_back(own);
   std::vector<std::pair<int, std::string>> groups;
   std::set<int> named;
   for (const PhysicalGroup& group : mesh.physical_groups)
@@ -65,9 +65,8 @@ MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension) {
       named.insert(group.tag);
     }
   for (const auto& in : order)
-    for (const int tag : in)
-      if (tag > 0 && tag != attribute[in] && named.insert(tag).second)
-        groups.emplace_back(tag, "group " + std::to_string(tag));
+    for (const int own = attribute[in]; const int tag : in)
+      if (tag > 0 && tag != own && named.insert(tag).second) groups.emplace_back(tag, "group " + std::to_string(tag));
   for (const auto& [tag, name] : groups) {
     // A group without elements keeps its name by its tag.
     std::vector<int> own = members.contains(tag) ? members[tag]

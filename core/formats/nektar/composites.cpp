@@ -176,7 +176,11 @@ NektarComposites nektar_composites(const HighOrderMesh& mesh) {
   int next = 0;
   for (const ElementBlock& block : mesh.blocks)
     for (const int tag : block.physical) next = std::max(next, std::abs(tag));
-  for (const PhysicalGroup& group : mesh.physical_groups) next = std::max(next, group.tag);
+  std::map<std::pair<int, int>, const std::string*> names;  // by dimension and tag
+  for (const PhysicalGroup& group : mesh.physical_groups) {
+    next = std::max(next, group.tag);
+    names[{group.dimension, group.tag}] = &group.name;
+  }
   const auto composite = [&](int dimension, int tag) -> NektarComposites::One& {
     const auto [found, fresh] = place.try_emplace({dimension, tag}, made.all.size());
     if (fresh) {
@@ -184,8 +188,7 @@ NektarComposites nektar_composites(const HighOrderMesh& mesh) {
       if (!ids.insert(id).second) ids.insert(id = ++next);
       made.all.push_back({id, {}, dimension, {}});
       if (tag == kUngrouped) made.all.back().name = kNektarUngrouped;
-      for (const PhysicalGroup& group : mesh.physical_groups)
-        if (group.dimension == dimension && group.tag == tag) made.all.back().name = group.name;
+      if (const auto named = names.find({dimension, tag}); named != names.end()) made.all.back().name = *named->second;
     }
     return made.all[found->second];
   };
@@ -195,8 +198,9 @@ NektarComposites nektar_composites(const HighOrderMesh& mesh) {
       const ElementBlock& block = mesh.blocks[b];
       if (reference::info(block.shape).dimension != d || block.size() == 0) continue;
       std::vector<int> tags;
+      std::set<int> known;
       for (const int tag : block.physical)
-        if (std::find(tags.begin(), tags.end(), std::abs(tag)) == tags.end()) tags.push_back(std::abs(tag));
+        if (known.insert(std::abs(tag)).second) tags.push_back(std::abs(tag));
       if (tags.empty()) tags.push_back(kUngrouped);
       for (const int tag : tags) composite(d, tag).blocks.push_back(b);
       overlapping = overlapping || (d == mesh.dimension && tags.size() > 1);

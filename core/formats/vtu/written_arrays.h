@@ -5,6 +5,7 @@
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <string>
@@ -35,13 +36,13 @@ constexpr std::size_t vtk_padding(std::size_t bytes, std::size_t remainder) { re
 /// An array of numbers that compress well. Its compressed blocks stay in memory until the file has its header.
 class CompressedArray {
  public:
-  CompressedArray(const Team& team, VtkName name) : name(std::move(name)), team_(team), block_(kVtkBlock) {}
+  CompressedArray(const Team& team, VtkName name) : name(std::move(name)), team_(team) {}
 
   VtkName name;
 
   template <class T>
   void put(T value) {
-    if (used_ + sizeof(T) > kVtkBlock) end_block();
+    if (used_ + sizeof(T) > block_.size()) make_room(sizeof(T));
     std::memcpy(block_.data() + used_, &value, sizeof(T));
     used_ += sizeof(T);
     ++count_;
@@ -75,9 +76,17 @@ class CompressedArray {
  private:
   static constexpr std::size_t kBlocksPerThread = 4;  // that wait to be compressed at the same time
 
+  void make_room(std::size_t bytes) {
+    if (used_ + bytes > kVtkBlock) end_block();
+    // A mesh may have a hundred thousand arrays of a few bytes: one for each named group.
+    constexpr std::size_t kFirst = 64;
+    const bool is_long = block_.empty() && (!waiting_.empty() || !sizes_.empty());
+    block_.resize(is_long ? kVtkBlock : std::min(kVtkBlock, std::max(kFirst, 2 * block_.size())));
+  }
+
   void end_block() {
     block_.resize(used_);
-    waiting_.push_back(std::exchange(block_, std::vector<char>(kVtkBlock)));
+    waiting_.push_back(std::exchange(block_, {}));
     used_ = 0;
     if (waiting_.size() >= kBlocksPerThread * std::size_t(team_.threads())) compress();
   }
