@@ -17,6 +17,10 @@ namespace {
 /// How many of the threads may be busy with the bytes of meshes, of all callers and of one. The others stay for calls
 /// that are short.
 constexpr int kMostTransfers = 32, kMostTransfersOfPeer = 8;
+
+/// The same of submissions, whose bodies may come slowly, and take ten times their size as messages.
+constexpr int kMostSubmissions = 8, kMostSubmissionsOfPeer = 4;
+
 /// How many may watch jobs. Each has a thread of its own beside the others.
 constexpr int kMostWatches = 256, kMostWatchesOfPeer = 128;
 
@@ -41,6 +45,7 @@ Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
       optimise_(v1::OptimiseService::NewStub(channel)),
       admit_(std::move(admit)),
       transfers_{PeerCounts(kMostTransfers), PeerCounts(kMostTransfersOfPeer), "uploads and downloads over HTTP"},
+      submissions_{PeerCounts(kMostSubmissions), PeerCounts(kMostSubmissionsOfPeer), "submissions over HTTP"},
       watches_{PeerCounts(kMostWatches), PeerCounts(kMostWatchesOfPeer), "watches over HTTP"} {}
 
 Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
@@ -181,10 +186,12 @@ void Gateway::submit(HttpExchange& exchange) const {
   if (has_mesh)
     return work_long(exchange, Method::Optimise, transfers_,
                      [&] { receive_job(exchange, *optimise_, request.request_id()); });
-  constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as the call may have
-  if (const auto read = exchange.read(request.mutable_spec(), kMostBytes); !read)
-    return exchange.refuse(status(read.error()));
-  exchange.call(*jobs_, &v1::JobService::Stub::SubmitJob, request);
+  work_long(exchange, Method::SubmitJob, submissions_, [&] {
+    constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as the call may have
+    if (const auto read = exchange.read(request.mutable_spec(), kMostBytes); !read)
+      return exchange.refuse(status(read.error()));
+    exchange.call(*jobs_, &v1::JobService::Stub::SubmitJob, request);
+  });
 }
 
 }  // namespace varimesh::server

@@ -59,7 +59,7 @@ class Gateway {
   const std::unique_ptr<v1::MeshService::Stub> meshes_;
   const std::unique_ptr<v1::OptimiseService::Stub> optimise_;
   const Admit admit_;
-  mutable Places transfers_, watches_;
+  mutable Places transfers_, submissions_, watches_;
   HttpServer http_;  ///< The last member, so that its threads end first.
 };
 
