@@ -120,6 +120,20 @@ class Links(unittest.TestCase):
         for note in NOTES:
             self.assertIn(f"](notes/{note.name})", text)
 
+    def test_promises_name_tests_that_there_are(self):
+        tree = "".join(file.read_text(errors="ignore") for file in (SOURCE / "tests").rglob("*")
+                       if file.suffix in (".cpp", ".py", ".txt") and file.name != Path(__file__).name)
+        text = (SOURCE / "docs" / "security.md").read_text()
+        rows = [line.split("|") for line in text.split("| threat |")[1].split("\n\n")[0].splitlines()[2:]]
+        self.assertGreater(len(rows), 15)
+        unshown = [row[1] for row in rows if "`" not in row[-2] and not row[2].startswith(" nothing:")]
+        self.assertEqual(unshown, [], "promises that no test shows")
+        for suite, test in re.findall(r"`(?:server|core|client|faults|deploy)\.(?:\w+/|s3\.|isolation\.|http\.|jobs/|farm\.)?(\w+)\.?(\w*)[^`]*`", text):
+            self.assertTrue(re.search(rf"\b{suite}\b", tree) and re.search(rf"\b{test}", tree), f"{suite}.{test}")
+        for name in re.findall(r"attacks? (`[^|.;]*)", text):
+            for attack in re.findall(r"`([a-z][^`]*)`", name):
+                self.assertTrue(f'"{attack}"' in tree, attack)
+
     def test_every_picture_is_shown(self):
         text = "".join(page.read_text() for page in PAGES)
         folder = SOURCE / "docs" / "pictures"

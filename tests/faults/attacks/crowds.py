@@ -48,6 +48,41 @@ class HalfOpen(Row):
         self.silent = []
 
 
+class Bodies(Row):
+    """Twenty-four submissions over HTTP at a time, each with 4 MiB of JSON, beside another owner's requests."""
+
+    name = "bodies of JSON"
+    flags = ("--http", "127.0.0.1:0")
+    MANY = 24
+
+    def serve(self, attacked):
+        super().serve(attacked)
+        self.place = until(lambda: (found := re.findall(r"http://(127\.0\.0\.1:\d+)/v1/", attacked.log())) and found[0])
+        labels = ",".join(f'"{i}":"x"' for i in range(20_000 if self.short else 280_000))
+        self.body = f'{{"labels":{{{labels}}}}}'
+        self.slowest, self.refused = 0, 0
+
+    def ask(self, owner, method, path, body=None):
+        asking = http.client.HTTPConnection(self.place, timeout=60)
+        asking.request(method, path, body, {"Authorization": "Bearer " + self.attacked.tokens[owner], "Content-Type": "application/json"})
+        return asking
+
+    def attack(self):
+        asked = [self.ask("mallory", "POST", "/v1/jobs", self.body) for _ in range(self.MANY)]
+        begun = time.monotonic()
+        assert self.ask("ann", "GET", "/v1/info").getresponse().status == 200
+        self.slowest = max(self.slowest, time.monotonic() - begun)
+        for one in asked:
+            status = one.getresponse().status
+            assert status in (400, 429), status
+            self.refused += status == 429
+            one.close()
+        assert self.slowest < 8, f"another owner's request took {self.slowest:.1f} s"
+
+    def settle(self):
+        return f"another owner's request took {self.slowest:.2f} s at most; {self.refused} bodies were not read"
+
+
 class Watches(Row):
     """Watches of the health without a token, on eight connections."""
 
@@ -123,4 +158,4 @@ class Tag(Row):
         return f"it was refused after {self.took:.1f} s"
 
 
-ROWS = [HalfOpen, Watches, Deletions, Tag]
+ROWS = [HalfOpen, Bodies, Watches, Deletions, Tag]
