@@ -1,0 +1,133 @@
+// Ranks: processes, perhaps on several machines, that work on parts of one mesh and have no memory in common.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/ranks/exact_sum.h"
+
+namespace varimesh {
+
+/// The ranks that work together, as one of them sees it.
+///
+/// Every function that has to do with others is called by all ranks, in the same order, and returns when all have
+/// called it. A rank that fails by itself goes on to the next call of agree(), which tells all of it. The results do
+/// not depend on how the work is divided.
+class Ranks {
+ public:
+  using Bytes = std::vector<std::byte>;
+
+  Ranks() = default;
+  Ranks(const Ranks&) = delete;
+  Ranks& operator=(const Ranks&) = delete;
+  virtual ~Ranks() = default;
+
+  /// From 0 to count() − 1.
+  virtual int rank() const = 0;
+  virtual int count() const = 0;
+  bool is_first() const { return rank() == 0; }
+
+  /// Replaces each number by its sum over all ranks. As many on each rank.
+  virtual void sum(std::span<std::int64_t> numbers) const = 0;
+  /// Replaces each number by the largest of all ranks. As many on each rank; none is NaN.
+  virtual void largest(std::span<double> numbers) const = 0;
+  /// Sends to[r] to rank r, and returns what came, by the rank that sent it.
+  virtual std::vector<Bytes> exchange(std::vector<Bytes> to) const = 0;
+
+  // What follows is made of these.
+
+  std::int64_t sum(std::int64_t number) const {
+    sum(std::span(&number, 1));
+    return number;
+  }
+  /// Exact sums of doubles, rounded once.
+  void sum(std::span<ExactSum> sums) const;
+  double sum(ExactSum one) const {
+    sum(std::span(&one, 1));
+    return one.value();
+  }
+  double largest(double number) const {
+    largest(std::span(&number, 1));
+    return number;
+  }
+  double smallest(double number) const { return -largest(-number); }
+  /// The sum over the ranks before this one.
+  std::int64_t sum_before(std::int64_t number) const;
+
+  /// The lists of all ranks, one after another in the order of the ranks, on rank 0; an empty one on the others. `T` is
+  /// plain data.
+  template <class T>
+  std::vector<T> gather(const std::vector<T>& part) const {
+    std::vector<Bytes> to(static_cast<std::size_t>(count()));
+    to[0] = bytes_of(part);
+    return joined<T>(exchange(std::move(to)));
+  }
+  /// The same on all ranks.
+  template <class T>
+  std::vector<T> gather_everywhere(const std::vector<T>& part) const {
+    return joined<T>(exchange(std::vector<Bytes>(static_cast<std::size_t>(count()), bytes_of(part))));
+  }
+  /// Sends lists to the ranks, and returns those that came, by rank.
+  template <class T>
+  std::vector<std::vector<T>> exchange_lists(const std::vector<std::vector<T>>& to) const {
+    std::vector<Bytes> bytes;
+    for (const std::vector<T>& list : to) bytes.push_back(bytes_of(list));
+    std::vector<std::vector<T>> lists;
+    for (const Bytes& came : exchange(std::move(bytes))) lists.push_back(joined<T>({came}));
+    return lists;
+  }
+
+  /// The first fault, which is that of the lowest rank, on all ranks; nothing if all are well. All ranks stop or go on
+  /// together.
+  Expected<void> agree(const Expected<void>& mine) const;
+  /// Calls work() on this rank, and agrees on how it went. work() returns Expected<void> or nothing, and calls no other
+  /// rank. What it throws becomes an error.
+  template <class Work>
+  Expected<void> together(const Work& work) const {
+    Expected<void> mine;
+    try {
+      if constexpr (std::is_void_v<std::invoke_result_t<Work>>)
+        work();
+      else
+        mine = work();
+    } catch (const std::bad_alloc&) {
+      mine = bad_input("There is not enough memory for a rank's part of the mesh; use more ranks, on more machines.");
+    } catch (const std::exception& error) {
+      mine = tl::unexpected<Error>({Error::Kind::Internal, std::string("A rank failed: ") + error.what() + "."});
+    }
+    return agree(mine);
+  }
+
+ private:
+  template <class T>
+  static Bytes bytes_of(const std::vector<T>& list) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    const auto bytes = std::as_bytes(std::span(list));
+    return {bytes.begin(), bytes.end()};
+  }
+  template <class T>
+  static std::vector<T> joined(const std::vector<Bytes>& parts) {
+    std::size_t size = 0;
+    for (const Bytes& part : parts) size += part.size() / sizeof(T);
+    std::vector<T> all(size);
+    std::size_t at = 0;
+    for (const Bytes& part : parts) {
+      if (!part.empty()) std::memcpy(all.data() + at, part.data(), part.size());
+      at += part.size() / sizeof(T);
+    }
+    return all;
+  }
+};
+
+/// One rank, which is alone and costs nothing.
+const Ranks& one_rank();
+
+}  // namespace varimesh
