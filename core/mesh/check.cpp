@@ -256,6 +256,18 @@ Expected<void> check_places(const HighOrderMesh& mesh, const Team& team) {
   return check_plane(mesh, team);
 }
 
+Expected<void> check_part(const HighOrderMesh& part, const Team& team) {
+  for (auto step : {check_kind, check_arrays, check_coordinates, check_distinct_nodes})
+    if (auto done = step(part, team); !done) return done;
+  return {};
+}
+
+Expected<void> check_together(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
+  for (auto step : {check_plane, check_duplicates})
+    if (auto done = step(mesh, team); !done) return done;
+  return check_conformity(mesh, facets, team);
+}
+
 namespace {
 
 /// Puts a plane mesh in space into its plane.
@@ -284,8 +296,10 @@ Expected<CheckedMesh> check_mesh(HighOrderMesh mesh, CheckFor purpose, const Tea
   return result;
 }
 
-bool lies_flat(const HighOrderMesh& mesh, const Team& team) {
-  const auto [low, high] = bounding_box(mesh, team);
+bool lies_flat(const HighOrderMesh& mesh, const Team& team) { return lies_flat(bounding_box(mesh, team)); }
+
+bool lies_flat(const BoundingBox& box) {
+  const auto& [low, high] = box;
   const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
   return high[2] - low[2] <= kFlatness * diagonal;
 }

@@ -9,6 +9,7 @@
 namespace varimesh {
 
 class Team;
+struct BoundingBox;
 struct Facets;
 
 /// Refuses meshes with more nodes or cells than kMostNodes and kMostCells. Errors: BadInput.
@@ -35,6 +36,9 @@ Expected<void> check_places(const HighOrderMesh& mesh, const Team& team);
 /// team.run().
 bool lies_flat(const HighOrderMesh& mesh, const Team& team);
 
+/// The same for a mesh with this box.
+bool lies_flat(const BoundingBox& box);
+
 /// Whether the mesh is a surface in space: 2-D, and not in a plane z = constant. Call it inside team.run().
 bool is_surface(const HighOrderMesh& mesh, const Team& team);
 bool is_surface(const HighOrderMesh& mesh);
@@ -44,6 +48,12 @@ bool is_surface(const HighOrderMesh& mesh);
 /// neighbours. `found` stays as it is if the mesh is a surface in space. Call it inside team.run(). Errors: BadInput.
 Expected<void> check_judgeable(const HighOrderMesh& mesh, const Team& team, Facets* found = nullptr);
 Expected<void> check_judgeable(const HighOrderMesh& mesh);
+
+/// The checks of check_structure() that look at one element or node at a time, for a part of a mesh: kind, arrays,
+/// coordinates, distinct nodes. Call it inside team.run(). Errors: BadInput, with the counts of the part.
+Expected<void> check_part(const HighOrderMesh& part, const Team& team);
+/// The other checks of check_structure(), for known facets. Call it inside team.run(). Errors: BadInput.
+Expected<void> check_together(const HighOrderMesh& mesh, const Facets& facets, const Team& team);
 
 /// Checks that each block has a possible order, as many nodes as its elements need, and only nodes of the mesh. Errors:
 /// BadInput.

@@ -160,15 +160,21 @@ std::string number_of(const HighOrderMesh& mesh, std::int32_t node) {
   return std::to_string(mesh.node_numbers[static_cast<std::size_t>(node)]);
 }
 
+/// By node: whether a cell has it.
+std::vector<bool> nodes_of_cells(const HighOrderMesh& mesh) {
+  std::vector<bool> in_cell(mesh.node_count(), false);
+  for (const ElementBlock& block : mesh.blocks)
+    if (reference::info(block.shape).dimension == mesh.dimension)
+      for (const std::int32_t node : block.nodes) in_cell[static_cast<std::size_t>(node)] = true;
+  return in_cell;
+}
+
 void say_idle(const HighOrderMesh& mesh, const Facets& facets, std::vector<std::string>& sentences) {
   const Cells borders(mesh, mesh.dimension - 1);
   std::vector<bool> is_facet(borders.count(), false);
   for (const auto& [_, element] : facets.elements) is_facet[static_cast<std::size_t>(element)] = true;
   // Of several elements on one facet, the list has the first.
-  std::vector<bool> in_cell(mesh.node_count(), false);
-  for (const ElementBlock& block : mesh.blocks)
-    if (reference::info(block.shape).dimension == mesh.dimension)
-      for (const std::int32_t node : block.nodes) in_cell[static_cast<std::size_t>(node)] = true;
+  const std::vector<bool> in_cell = nodes_of_cells(mesh);
   std::size_t idle = 0, first = 0;
   for (std::size_t e = 0; e < borders.count(); ++e) {
     const auto nodes = borders.nodes(e);
@@ -181,11 +187,6 @@ void say_idle(const HighOrderMesh& mesh, const Facets& facets, std::vector<std::
     sentences.push_back(std::to_string(idle) + (idle == 1 ? " boundary element lies" : " boundary elements lie") +
                         " on no cell, for example element " + std::to_string(borders.number(first)) + ": no " + kind +
                         " of a cell has its nodes.");
-  const auto lone = static_cast<std::size_t>(std::ranges::count(in_cell, false));
-  if (lone > 0)
-    sentences.push_back(
-        std::to_string(lone) + (lone == 1 ? " node belongs" : " nodes belong") + " to no cell, for example node " +
-        number_of(mesh, static_cast<std::int32_t>(std::ranges::find(in_cell, false) - in_cell.begin())) + ".");
 }
 
 }  // namespace
@@ -226,7 +227,22 @@ std::vector<std::pair<std::int32_t, std::int32_t>> coincident_nodes(const HighOr
   return pairs;
 }
 
+std::string lone_nodes_text(std::int64_t count, std::int64_t first) {
+  if (count == 0) return "";
+  return std::to_string(count) + (count == 1 ? " node belongs" : " nodes belong") + " to no cell, for example node " +
+         std::to_string(first) + ".";
+}
+
 std::vector<std::string> loose_parts(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
+  std::vector<std::string> sentences = loose_boundary(mesh, facets, team);
+  const std::vector<bool> in_cell = nodes_of_cells(mesh);
+  const auto first = std::ranges::find(in_cell, false) - in_cell.begin();
+  if (const auto count = std::ranges::count(in_cell, false); count > 0)
+    sentences.push_back(lone_nodes_text(count, mesh.node_numbers[static_cast<std::size_t>(first)]));
+  return sentences;
+}
+
+std::vector<std::string> loose_boundary(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
   std::vector<std::string> sentences;
   const auto [low, high] = bounding_box(mesh, team);
   const Vector extent(high[0] - low[0], high[1] - low[1], high[2] - low[2]);

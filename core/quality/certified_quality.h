@@ -6,14 +6,17 @@
 
 #include "core/mesh/connectivity.h"
 #include "core/quality/quality.h"
+#include "core/ranks/ranks.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
 
 /// quality() without certifying again. `certificates` are those of `certifier` for mesh.coordinates, one per cell in
 /// the mesh's order. Do not call it inside team.run(). The team's token may interrupt it.
+/// @param ranks all of them have a part of the mesh, a range of its cells, and get the report on the whole, but only
+/// the first rank gets the lists of elements
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
-                      int intervals, const Team& team);
+                      int intervals, const Team& team, const Ranks& ranks = one_rank());
 
 /// quality() of core/quality/quality.h with the team's threads. Do not call it inside team.run(). The team's token may
 /// interrupt it. `facets`: those of the mesh, if they are known and it is no surface in space.

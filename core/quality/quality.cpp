@@ -43,9 +43,9 @@ struct Samples {
 };
 
 /// The sign that most cells have. A clockwise mesh is judged as its mirror image.
-double orientation(const std::vector<Extremes>& cells) {
+double orientation(const std::vector<Extremes>& cells, const Ranks& ranks) {
   const auto negative = std::ranges::count_if(cells, [](const Extremes& e) { return e.mean < 0; });
-  return 2 * static_cast<std::size_t>(negative) > cells.size() ? -1.0 : 1.0;
+  return 2 * ranks.sum(negative) > ranks.sum(std::ssize(cells)) ? -1.0 : 1.0;
 }
 
 const LatticeTable& table_of(const ElementBlock& block, int intervals, int dimension) {
@@ -72,7 +72,7 @@ void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::s
     detail::finish_samples(table, progress[b], batches[b].count, &cells[batches[b].cell]);
 }
 
-Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
+Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team, const Ranks& ranks = one_rank()) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   Samples samples;
   samples.intervals = intervals > 0 ? intervals : report_intervals(mesh.order);
@@ -89,7 +89,7 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
       }
     });
   });
-  samples.sign = orientation(samples.cells);
+  samples.sign = orientation(samples.cells, ranks);
   return samples;
 }
 
@@ -141,8 +141,18 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
                          place(mesh, batch, i, table.points().row(samples.low_at(cell)))});
     }
   }
-  std::ranges::stable_sort(invalid, {}, &InvalidElement::scaled_jacobian);
   return invalid;
+}
+
+/// The summary of the whole mesh from those of its parts.
+CertificateSummary whole(CertificateSummary part, const Ranks& ranks) {
+  if (ranks.count() == 1) return part;
+  std::array<std::int64_t, 3> counts{part.valid, part.invalid, part.undecided};
+  const bool is_empty = counts[0] + counts[1] + counts[2] == 0;
+  ranks.sum(counts);
+  const double lower =
+      ranks.smallest(is_empty ? std::numeric_limits<double>::max() : part.min_scaled_jacobian_lower_bound);
+  return {counts[0], counts[1], counts[2], lower};
 }
 
 std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
@@ -157,24 +167,33 @@ std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
   return uncertified;
 }
 
+/// The smallest of the values that the ranks have.
+double smallest(const std::vector<double>& values, const Ranks& ranks) {
+  return ranks.smallest(values.empty() ? std::numeric_limits<double>::infinity() : std::ranges::min(values));
+}
+
 /// Everything except what is proved.
-QualityReport report_on(const HighOrderMesh& mesh, const Samples& samples, std::span<const Certificate> certificates) {
+QualityReport report_on(const HighOrderMesh& mesh, const Samples& samples, std::span<const Certificate> certificates,
+                        const Ranks& ranks = one_rank()) {
   const CellQuality cells = cell_quality(samples);
   QualityReport report;
   report.lattice_intervals = samples.intervals;
-  if (cells.scaled_jacobian.empty()) return report;
-  report.min_scaled_jacobian = std::ranges::min(cells.scaled_jacobian);
-  report.min_distortion_jacobian = std::ranges::min(cells.distortion_jacobian);
-  double sum = 0;
+  const std::int64_t count = ranks.sum(std::ssize(cells.scaled_jacobian));
+  if (count == 0) return report;
+  report.min_scaled_jacobian = smallest(cells.scaled_jacobian, ranks);
+  report.min_distortion_jacobian = smallest(cells.distortion_jacobian, ranks);
+  ExactSum sum;
   for (const double js : cells.scaled_jacobian) {
-    sum += std::max(js, -1.0);
+    sum.add(std::max(js, -1.0));
     const int bin = static_cast<int>(js * QualityReport::kBins);
     if (js > 0) ++report.histogram[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
   }
-  report.mean_scaled_jacobian = sum / static_cast<double>(cells.scaled_jacobian.size());
-  report.invalid = invalid_elements(mesh, samples, cells);
-  report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
-  report.uncertified = uncertified_elements(mesh, certificates);
+  ranks.sum(report.histogram);
+  report.mean_scaled_jacobian = ranks.sum(sum) / static_cast<double>(count);
+  report.invalid = ranks.gather(invalid_elements(mesh, samples, cells));
+  std::ranges::stable_sort(report.invalid, {}, &InvalidElement::scaled_jacobian);
+  report.invalid_elements = ranks.sum(std::ssize(report.invalid));
+  report.uncertified = ranks.gather(uncertified_elements(mesh, certificates));
   return report;
 }
 
@@ -233,10 +252,12 @@ ScaledJacobians scaled_jacobians(HighOrderMesh mesh, const std::vector<double>& 
 }
 
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
-                      int intervals, const Team& team) {
-  QualityReport report = report_on(mesh, sample(mesh, intervals, team), certificates);
-  report.accuracy = accuracy(mesh, team);
-  report.certified = certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team.stop());
+                      int intervals, const Team& team, const Ranks& ranks) {
+  QualityReport report = report_on(mesh, sample(mesh, intervals, team, ranks), certificates, ranks);
+  report.accuracy = accuracy(mesh, team, ranks);
+  // Each rank sharpens its own minimum, and the least of these is that of the mesh.
+  report.certified =
+      whole(certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team.stop()), ranks);
   return report;
 }
 

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/mesh/bounding_box.h"
 #include "core/validity/cell_batches.h"
 #include "core/validity/certificate_kernel.h"
 #include "core/validity/orientation.h"
@@ -21,8 +20,7 @@ using detail::CellToCertify;
 constexpr std::size_t kGrain = 64;
 
 /// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
-double power_of_two_scale(const HighOrderMesh& mesh, const Team& team) {
-  const BoundingBox box = bounding_box(mesh, team);
+double power_of_two_scale(const BoundingBox& box) {
   double extent = 0;
   for (std::size_t c = 0; c < 3; ++c) extent = std::max(extent, box.high[c] / 2 - box.low[c] / 2);
   if (!(extent > 0) || !std::isfinite(extent)) return 1;
@@ -79,7 +77,10 @@ detail::Coefficients<double> known_coefficients(const CellToCertify& cell, const
 // ---------------------------------------------------------------------------------------------------------------------
 
 Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options, const Team& team)
-    : options_(options), scale_(power_of_two_scale(mesh, team)), sign_(detail::orientation(mesh, team)) {
+    : Certifier(mesh, bounding_box(mesh, team), detail::orientation(mesh, team), options) {}
+
+Certifier::Certifier(const HighOrderMesh& mesh, const BoundingBox& box, double sign, CertificateOptions options)
+    : options_(options), scale_(power_of_two_scale(box)), sign_(sign) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   for (const detail::CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) cells_.push_back({batch.block, batch.nodes(i)});

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/team.h"
+#include "core/mesh/bounding_box.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/validity/certificate.h"
 
@@ -28,6 +29,9 @@ class Certifier {
   /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move. Call it inside
   /// team.run().
   explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {}, const Team& team = Team(1));
+  /// The same for a part of a mesh. `box` is that of the whole mesh, and `sign` its detail::orientation(), so that the
+  /// certificates are those that the cells get in the whole mesh.
+  Certifier(const HighOrderMesh& part, const BoundingBox& box, double sign, CertificateOptions options = {});
 
   /// How closely sharpen() finds the mesh's minimum if not told otherwise.
   static constexpr double kMinimumGap = 0.002;

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <map>
 
+#include "core/mesh/bounding_box.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 #include "core/validity/cell_batches.h"
@@ -59,20 +60,6 @@ std::int8_t centre_sign(const HighOrderMesh& mesh, const std::int32_t* nodes, co
   return static_cast<std::int8_t>(jacobian < 0 ? -1 : 1);
 }
 
-/// By cell: centre_sign().
-std::vector<std::int8_t> centre_signs(const HighOrderMesh& mesh, const Team& team) {
-  const auto gradients = tables_for_cells<Eigen::MatrixXd>(
-      mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
-  const std::vector<CellBatch> batches = cell_batches(mesh, [](const ElementBlock&) { return kCellsPerTask; });
-  std::vector<std::int8_t> signs(mesh.element_count(mesh.dimension));
-  team.for_each(static_cast<std::int32_t>(batches.size()), 1, [&](std::int32_t b) {
-    const CellBatch& batch = batches[static_cast<std::size_t>(b)];
-    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
-    for (std::size_t i = 0; i < batch.count; ++i) signs[batch.cell + i] = centre_sign(mesh, batch.nodes(i), gradient);
-  });
-  return signs;
-}
-
 // ---------------------------------------------------------------------------------------------------------------------
 // Joined cells and their senses
 // ---------------------------------------------------------------------------------------------------------------------
@@ -101,44 +88,6 @@ bool agree(const Cells& cells, const Facets& facets, std::size_t cell, std::int3
   return count == 2 ? same == 1 : second[(same + 1) % count] == first[count - 1];
 }
 
-/// Whether all neighbours agree.
-bool all_agree(const Cells& cells, const Facets& facets, const Team& team) {
-  std::atomic<bool> yes{true};
-  team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t cell = begin; cell < end && yes.load(std::memory_order_relaxed); ++cell)
-      for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f)
-        if (facets.opposite[static_cast<std::size_t>(f)] > f && !agree(cells, facets, cell, f))
-          yes.store(false, std::memory_order_relaxed);
-  });
-  return yes;
-}
-
-/// Cells that are joined across facets.
-struct Joined {
-  std::vector<std::int32_t> cells;
-  bool consistent = true;  ///< Whether they can all be numbered in one sense.
-};
-
-/// The cells that are joined with this one. Sets their senses relative to it, 1 or −1.
-Joined joined_cells(const Cells& cells, const Facets& facets, std::int32_t start, std::vector<std::int8_t>& sense) {
-  Joined joined{{start}};
-  sense[static_cast<std::size_t>(start)] = 1;
-  for (std::size_t next = 0; next < joined.cells.size(); ++next) {
-    const auto cell = static_cast<std::size_t>(joined.cells[next]);
-    for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f) {
-      const std::int32_t other = facets.neighbour[static_cast<std::size_t>(f)];
-      if (other < 0) continue;
-      std::int8_t& of_other = sense[static_cast<std::size_t>(other)];
-      const auto wanted = static_cast<std::int8_t>(agree(cells, facets, cell, f) ? sense[cell] : -sense[cell]);
-      if (of_other != 0 && of_other != wanted) joined.consistent = false;
-      if (of_other != 0) continue;
-      of_other = wanted;
-      joined.cells.push_back(other);
-    }
-  }
-  return joined;
-}
-
 // ---------------------------------------------------------------------------------------------------------------------
 // The volume that facets enclose
 // ---------------------------------------------------------------------------------------------------------------------
@@ -153,18 +102,17 @@ class FacetVolume {
         if (!tables_.contains(facet.shape)) tables_.emplace(facet.shape, make_table(facet.shape));
   }
 
-  /// Of a facet of a cell, with places relative to those of node `origin`.
-  double of(std::size_t cell, int facet, std::int32_t origin) const {
+  /// Of a facet of a cell, with places relative to `origin`.
+  double of(std::size_t cell, int facet, const Eigen::RowVector3d& origin) const {
     const Shape shape = cells_.shape(cell);
     const Table& table = tables_.at(reference::info(shape).facets[static_cast<std::size_t>(facet)].shape);
     const auto nodes = cells_.nodes(cell);
     const std::vector<int>& local = reference::facet_nodes(shape, mesh_.order, facet);
     Eigen::MatrixX3d x(static_cast<Eigen::Index>(local.size()), 3);
-    const Eigen::Map<const Eigen::RowVector3d> from(mesh_.coordinates.data() + 3 * static_cast<std::size_t>(origin));
     for (std::size_t n = 0; n < local.size(); ++n) {
       const auto node = static_cast<std::size_t>(nodes[static_cast<std::size_t>(local[n])]);
       x.row(static_cast<Eigen::Index>(n)) =
-          Eigen::Map<const Eigen::RowVector3d>(mesh_.coordinates.data() + 3 * node) - from;
+          Eigen::Map<const Eigen::RowVector3d>(mesh_.coordinates.data() + 3 * node) - origin;
     }
     const Eigen::MatrixX3d place = table.values * x, along = table.gradients[0] * x;
     const Eigen::MatrixX3d across = mesh_.dimension == 3 ? Eigen::MatrixX3d(table.gradients[1] * x) : place;
@@ -199,26 +147,41 @@ class FacetVolume {
   std::map<Shape, Table> tables_;
 };
 
-/// The volume that the outer facets of joined cells enclose, if all are numbered as their senses say.
-double enclosed_volume(const FacetVolume& volume, const Cells& cells, const Facets& facets, const Joined& joined,
-                       const std::vector<std::int8_t>& sense, const Team& team) {
-  std::vector<std::pair<std::int32_t, int>> outer;  // cell, and which of its facets
-  for (const std::int32_t cell : joined.cells)
-    for (std::int32_t f = facets.first[static_cast<std::size_t>(cell)];
-         f < facets.first[static_cast<std::size_t>(cell) + 1]; ++f)
-      if (facets.neighbour[static_cast<std::size_t>(f)] < 0)
-        outer.emplace_back(cell, f - facets.first[static_cast<std::size_t>(cell)]);
-  std::vector<double> parts(outer.size());
-  const std::int32_t origin = cells.nodes(static_cast<std::size_t>(joined.cells.front())).front();
-  team.for_ranges(outer.size(), kFacetsPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const auto cell = static_cast<std::size_t>(outer[i].first);
-      parts[i] = sense[cell] * volume.of(cell, outer[i].second, origin);
+/// Visits the cells that are joined with this one, which begins a new group.
+void join(const Cells& cells, const Facets& facets, std::size_t start, std::span<const std::int8_t> signs,
+          JoinedCells& joined) {
+  const auto group = static_cast<std::int32_t>(joined.groups.size());
+  JoinedCells::Group& found = joined.groups.emplace_back();
+  std::vector<std::int32_t> visited{static_cast<std::int32_t>(start)};
+  joined.group[start] = group;
+  joined.sense[start] = 1;
+  for (std::size_t next = 0; next < visited.size(); ++next) {
+    const auto cell = static_cast<std::size_t>(visited[next]);
+    found.is_upright &= joined.sense[cell] > 0 && signs[cell] > 0;
+    for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f) {
+      const std::int32_t other = facets.neighbour[static_cast<std::size_t>(f)];
+      if (other < 0) continue;
+      const auto neighbour = static_cast<std::size_t>(other);
+      const auto wanted =
+          static_cast<std::int8_t>(agree(cells, facets, cell, f) ? joined.sense[cell] : -joined.sense[cell]);
+      if (joined.sense[neighbour] != 0 && joined.sense[neighbour] != wanted) found.is_consistent = false;
+      if (joined.sense[neighbour] != 0) continue;
+      joined.sense[neighbour] = wanted;
+      joined.group[neighbour] = group;
+      visited.push_back(other);
     }
-  });
-  double sum = 0;
-  for (const double part : parts) sum += part;
-  return sum;
+  }
+}
+
+/// All facets for which is_wanted(facet's index in Facets) holds.
+template <class IsWanted>
+std::vector<CellFacet> facets_of(const Cells& cells, const IsWanted& is_wanted) {
+  std::vector<CellFacet> found;
+  std::size_t index = 0;
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
+    for (std::size_t f = 0; f < reference::info(cells.shape(cell)).facets.size(); ++f, ++index)
+      if (is_wanted(index)) found.push_back({static_cast<std::int32_t>(cell), static_cast<int>(f)});
+  return found;
 }
 
 }  // namespace
@@ -227,44 +190,86 @@ double enclosed_volume(const FacetVolume& volume, const Cells& cells, const Face
 // What the header declares
 // ---------------------------------------------------------------------------------------------------------------------
 
-double orientation(const HighOrderMesh& mesh, const Team& team) {
+std::vector<std::int8_t> centre_signs(const HighOrderMesh& mesh, const Team& team) {
+  const auto gradients = tables_for_cells<Eigen::MatrixXd>(
+      mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
+  const std::vector<CellBatch> batches = cell_batches(mesh, [](const ElementBlock&) { return kCellsPerTask; });
+  std::vector<std::int8_t> signs(mesh.element_count(mesh.dimension));
+  team.for_each(static_cast<std::int32_t>(batches.size()), 1, [&](std::int32_t b) {
+    const CellBatch& batch = batches[static_cast<std::size_t>(b)];
+    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
+    for (std::size_t i = 0; i < batch.count; ++i) signs[batch.cell + i] = centre_sign(mesh, batch.nodes(i), gradient);
+  });
+  return signs;
+}
+
+bool all_agree(const Cells& cells, const Facets& facets, const Team& team) {
+  std::atomic<bool> yes{true};
+  team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end && yes.load(std::memory_order_relaxed); ++cell)
+      for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f)
+        if (facets.opposite[static_cast<std::size_t>(f)] > f && !agree(cells, facets, cell, f))
+          yes.store(false, std::memory_order_relaxed);
+  });
+  return yes;
+}
+
+JoinedCells join_cells(const Cells& cells, const Facets& facets, std::span<const std::int8_t> signs) {
+  JoinedCells joined;
+  joined.group.resize(cells.count());
+  joined.sense.resize(cells.count());
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
+    if (joined.sense[cell] == 0) join(cells, facets, cell, signs, joined);
+  return joined;
+}
+
+std::vector<double> facet_volumes(const HighOrderMesh& mesh, const Cells& cells, std::span<const CellFacet> facets,
+                                  const std::array<double, 3>& origin, const Team& team) {
+  const FacetVolume volume(mesh, cells);
+  const Eigen::RowVector3d from(origin[0], origin[1], origin[2]);
+  std::vector<double> volumes(facets.size());
+  team.for_ranges(facets.size(), kFacetsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      volumes[i] = volume.of(static_cast<std::size_t>(facets[i].cell), facets[i].facet, from);
+  });
+  return volumes;
+}
+
+std::array<double, 3> centre(const BoundingBox& box) {
+  std::array<double, 3> middle{};
+  for (std::size_t c = 0; c < 3 && box.low[c] <= box.high[c]; ++c) middle[c] = box.low[c] / 2 + box.high[c] / 2;
+  return middle;
+}
+
+double orientation(const HighOrderMesh& mesh, const Team& team, const Ranks& ranks) {
   const std::vector<std::int8_t> signs = centre_signs(mesh, team);
-  if (2 * std::ranges::count(signs, -1) <= std::ssize(signs)) return 1;
+  if (2 * ranks.sum(std::ranges::count(signs, -1)) <= ranks.sum(std::ssize(signs))) return 1;
   // Cells that turn far, as parts of a spiral, may be inverted with straight sides although none is as it is curved.
   const Cells cells(mesh, mesh.dimension);
-  const FacetVolume volume(mesh, cells);
-  std::vector<double> parts(cells.count());
-  team.for_ranges(parts.size(), kFacetsPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t cell = begin; cell < end; ++cell)
-      for (int facet = 0; facet < static_cast<int>(reference::info(cells.shape(cell)).facets.size()); ++facet)
-        parts[cell] += volume.of(cell, facet, cells.nodes(cell).front());
-  });
-  double sum = 0;
-  for (const double part : parts) sum += part;
-  return sum > 0 ? 1 : -1;
+  const auto all = facets_of(cells, [](std::size_t) { return true; });
+  // All facets of a cell enclose it, so any origin will do; one near the cells costs the fewest digits.
+  const std::array<double, 3> origin = centre(bounding_box(mesh, team));
+  return ranks.sum(exact_sum(facet_volumes(mesh, cells, all, origin, team))) > 0 ? 1 : -1;
 }
 
 std::vector<char> clockwise_cells(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
   const Cells cells(mesh, mesh.dimension);
   const std::vector<std::int8_t> sign = centre_signs(mesh, team);
   if (std::ranges::count(sign, 1) == std::ssize(sign) && all_agree(cells, facets, team)) return {};
-  const FacetVolume volume(mesh, cells);
-  std::vector<std::int8_t> sense(cells.count(), 0);
-  for (std::size_t start = 0; start < sense.size(); ++start) {
-    if (sense[start] != 0) continue;
-    const Joined joined = joined_cells(cells, facets, static_cast<std::int32_t>(start), sense);
-    const bool all_positive = std::ranges::all_of(joined.cells, [&](std::int32_t cell) {
-      return sense[static_cast<std::size_t>(cell)] > 0 && sign[static_cast<std::size_t>(cell)] > 0;
-    });
-    const bool turned =
-        joined.consistent && !all_positive && enclosed_volume(volume, cells, facets, joined, sense, team) < 0;
-    for (const std::int32_t cell : joined.cells) {
-      std::int8_t& of_cell = sense[static_cast<std::size_t>(cell)];
-      of_cell = static_cast<std::int8_t>(!joined.consistent ? 1 : turned ? -of_cell : of_cell);
-    }
+  const JoinedCells joined = join_cells(cells, facets, sign);
+  const auto outer = facets_of(cells, [&](std::size_t index) { return facets.neighbour[index] < 0; });
+  const std::vector<double> parts = facet_volumes(mesh, cells, outer, centre(bounding_box(mesh, team)), team);
+  std::vector<ExactSum> enclosed(joined.groups.size());
+  for (std::size_t i = 0; i < outer.size(); ++i) {
+    const auto cell = static_cast<std::size_t>(outer[i].cell);
+    enclosed[static_cast<std::size_t>(joined.group[cell])].add(joined.sense[cell] * parts[i]);
   }
-  std::vector<char> clockwise(sense.size());
-  std::ranges::transform(sense, clockwise.begin(), [](std::int8_t s) { return s < 0 ? 1 : 0; });
+  std::vector<char> clockwise(cells.count());
+  for (std::size_t cell = 0; cell < clockwise.size(); ++cell) {
+    const auto group = static_cast<std::size_t>(joined.group[cell]);
+    const bool is_turned = !joined.groups[group].is_upright && enclosed[group].value() < 0;
+    clockwise[cell] = joined.groups[group].is_consistent && (joined.sense[cell] < 0) != is_turned ? 1 : 0;
+  }
   if (std::ranges::count(clockwise, 1) == 0) return {};
   return clockwise;
 }

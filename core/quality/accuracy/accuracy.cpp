@@ -17,9 +17,6 @@ namespace {
 using detail::CellBatch;
 using detail::PartsTable;
 
-/// Cells whose modes are computed in one product of matrices. More of them gain nothing.
-constexpr std::size_t kBatchCells = 16;
-
 /// Matrices of one batch, which a thread keeps from batch to batch.
 struct Workspace {
   Eigen::MatrixXd nodes;       ///< Coordinates relative to the cell's first node: nodes × (cells · d).
@@ -90,22 +87,22 @@ double loss(const double* parts, std::size_t count, double volume, double total,
 }
 
 /// cell_accuracy() of a mesh with its nodes at `coordinates`.
-CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
+CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                     const Ranks& ranks = one_rank()) {
   const std::size_t cells = mesh.element_count(mesh.dimension);
   CellAccuracy found;
   found.parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
   found.loss.resize(cells);
   found.modal_parts.resize(cells * found.parts);
   found.volumes.resize(cells);
-  const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kBatchCells; });
+  const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kAccuracyBatch; });
   team.run([&] {
     team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t batch = begin; batch < end; ++batch)
         measure_cells(coordinates, mesh.dimension, batches[batch], team.stop(), found);
     });
   });
-  double total = 0;
-  for (const double volume : found.volumes) total += volume;
+  const double total = ranks.sum(exact_sum(found.volumes));
   for (std::size_t cell = 0; cell < cells && found.parts > 0; ++cell)
     found.loss[cell] =
         loss(&found.modal_parts[cell * found.parts], found.parts, found.volumes[cell], total, mesh.dimension);
@@ -118,31 +115,40 @@ CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
   return measure(mesh, mesh.coordinates, team);
 }
 
-Accuracy accuracy(const HighOrderMesh& mesh, const Team& team) { return accuracy(mesh, mesh.coordinates, team); }
+Accuracy accuracy(const HighOrderMesh& mesh, const Team& team, const Ranks& ranks) {
+  return accuracy(mesh, mesh.coordinates, team, ranks);
+}
 
-Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
-  const CellAccuracy cells = measure(mesh, coordinates, team);
-  Accuracy found;
-  found.modal_parts.resize(cells.parts);
-  double total = 0, sum = 0;
-  bool has_collapsed = false;
+Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                  const Ranks& ranks) {
+  const CellAccuracy cells = measure(mesh, coordinates, team, ranks);
+  // The sums over the cells of V_E, of V_E a_E², and of V_E m_s² for each part.
+  std::vector<ExactSum> sums(2 + cells.parts);
+  std::int64_t collapsed = 0;
   for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
     const double volume = cells.volumes[cell];
-    total += volume;
-    has_collapsed |= volume == 0;
-    if (volume == 0) continue;
-    sum += volume * cells.loss[cell] * cells.loss[cell];
+    if (volume == 0) {
+      ++collapsed;
+      continue;
+    }
+    sums[0].add(volume);
+    sums[1].add(volume * cells.loss[cell] * cells.loss[cell]);
     for (std::size_t part = 0; part < cells.parts; ++part) {
       const double value = cells.modal_parts[cell * cells.parts + part];
-      found.modal_parts[part] += volume * value * value;
+      sums[2 + part].add(volume * value * value);
     }
   }
-  const auto root = [&](double value) {
-    return has_collapsed ? std::numeric_limits<double>::infinity() : std::sqrt(value / total);
+  ranks.sum(sums);
+  collapsed = ranks.sum(collapsed);
+  const double total = sums[0].value();
+  Accuracy found;
+  found.modal_parts.resize(cells.parts);
+  if (cells.parts == 0 || (total == 0 && collapsed == 0)) return found;
+  const auto root = [&](const ExactSum& sum) {
+    return collapsed > 0 ? std::numeric_limits<double>::infinity() : std::sqrt(sum.value() / total);
   };
-  if (cells.parts == 0 || cells.loss.empty()) return found;
-  found.loss = root(sum);
-  for (double& part : found.modal_parts) part = root(part);
+  found.loss = root(sums[1]);
+  for (std::size_t part = 0; part < cells.parts; ++part) found.modal_parts[part] = root(sums[2 + part]);
   return found;
 }
 
@@ -171,7 +177,7 @@ Accuracy accuracy(const HighOrderMesh& mesh, int threads) { return accuracy(mesh
 std::int64_t bytes_of_accuracy(const MeshCounts& counts) {
   const std::int64_t cells = counts.cell_count();
   return cells * std::int64_t{sizeof(double)} * (std::max(counts.order - 1, 0) + 2) +
-         cells / static_cast<std::int64_t>(kBatchCells) * static_cast<std::int64_t>(sizeof(CellBatch));
+         cells / static_cast<std::int64_t>(kAccuracyBatch) * static_cast<std::int64_t>(sizeof(CellBatch));
 }
 
 std::int64_t bytes_of_accuracy_tables(const MeshCounts& counts) {

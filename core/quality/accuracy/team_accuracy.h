@@ -7,15 +7,22 @@
 #include "core/base/team.h"
 #include "core/mesh/mesh_counts.h"
 #include "core/quality/accuracy/accuracy.h"
+#include "core/ranks/ranks.h"
 
 namespace varimesh {
+
+/// Cells whose modes are computed in one product of matrices; more of them gain nothing. The product rounds differently
+/// for other numbers of cells, so a part of a mesh must begin at a multiple of it in its block to get the same bits.
+inline constexpr std::size_t kAccuracyBatch = 16;
 
 /// cell_accuracy() and accuracy() with the team's threads. Do not call them inside team.run(). The team's token may
 /// interrupt them.
 CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team);
-Accuracy accuracy(const HighOrderMesh& mesh, const Team& team);
+/// `ranks`: all of them have a part of the mesh, and get the loss of the whole.
+Accuracy accuracy(const HighOrderMesh& mesh, const Team& team, const Ranks& ranks = one_rank());
 /// The same of the mesh with its nodes at other coordinates, as HighOrderMesh::coordinates.
-Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team);
+Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                  const Ranks& ranks = one_rank());
 
 /// κ = N^(−1/d) of the local loss, N being the number of cells: a wave number of one over a mesh of equal cells.
 double local_wave(const HighOrderMesh& mesh);
