@@ -41,6 +41,10 @@ if(TARGET varimesh_hdf5)
   set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS varimesh-hdf5)
   set(CPACK_DEBIAN_COMMAND_PACKAGE_RECOMMENDS varimesh-hdf5)
 endif()
+if(TARGET varimesh_mpi)
+  varimesh_package(mpi varimesh-mpi "Certifies high-order meshes on many machines, over MPI" COMPONENTS mpi)
+  set(CPACK_DEBIAN_MPI_PACKAGE_RECOMMENDS "openmpi-bin, openssh-client")
+endif()
 varimesh_package(library libvarimesh-client${abi} "C++ client of the mesh optimisation server" COMPONENTS client
   SECTION libs)
 varimesh_package(development libvarimesh-dev "Headers of the mesh optimisation library and of the C++ client" SECTION libdevel

@@ -24,31 +24,46 @@ Actions alone(Actions actions) {
   return actions;
 }
 
-}  // namespace
-
-Actions add_commands(Command program) {
+/// All commands.
+Actions list(Command program, const QualityRun& quality) {
   program.describe("varimesh",
                    "Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.",
                    std::string(version()));
-  return alone({{"optimise", add_optimise(program)},
-                {"curve", add_curve(program)},
-                {"mesh", add_mesh(program)},
-                {"quality", add_quality(program)},
-                {"layers", add_layers(program)},
-                {"convert", add_convert(program)},
-                {"submit", add_submit(program)},
-                {"watch", add_watch(program)},
-                {"result", add_result(program)},
-                {"wait", add_wait(program)},
-                {"results", add_results(program)},
-                {"jobs", add_jobs(program)},
-                {"cancel", add_cancel(program)},
-                {"delete", add_delete(program)},
-                {"info", add_info(program)},
-                {"doctor", add_doctor(program)},
-                {"certificates", add_certificates(program)},
-                {"completion", add_completion(program)},
-                {"man", add_man(program)}});
+  return {{"optimise", add_optimise(program)},
+          {"curve", add_curve(program)},
+          {"mesh", add_mesh(program)},
+          {"quality", add_quality(program, quality)},
+          {"layers", add_layers(program)},
+          {"convert", add_convert(program)},
+          {"submit", add_submit(program)},
+          {"watch", add_watch(program)},
+          {"result", add_result(program)},
+          {"wait", add_wait(program)},
+          {"results", add_results(program)},
+          {"jobs", add_jobs(program)},
+          {"cancel", add_cancel(program)},
+          {"delete", add_delete(program)},
+          {"info", add_info(program)},
+          {"doctor", add_doctor(program)},
+          {"certificates", add_certificates(program)},
+          {"completion", add_completion(program)},
+          {"man", add_man(program)}};
+}
+
+}  // namespace
+
+Actions add_commands(Command program) { return alone(list(program, quality_of_file)); }
+
+Actions add_commands_of_ranks(Command program, const QualityRun& quality) {
+  Actions actions = list(program, quality);
+  for (auto& [name, action] : actions)
+    if (name != "quality" && std::ranges::find(kHarmlessTogether, name) == kHarmlessTogether.end())
+      action = [name] {
+        return print_error(
+            {Error::Kind::BadOption, "varimesh-mpi shares only the work of 'quality' so far; 'varimesh " + name +
+                                         "' does this in one process."});
+      };
+  return actions;
 }
 
 }  // namespace varimesh::client

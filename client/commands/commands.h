@@ -2,13 +2,13 @@
 #pragma once
 
 #include "client/cli/parser.h"
+#include "client/runs/quality_run.h"
 
 namespace varimesh::client {
 
 Action add_optimise(Command program);
 Action add_curve(Command program);
 Action add_mesh(Command program);
-Action add_quality(Command program);
 Action add_layers(Command program);
 Action add_convert(Command program);
 Action add_submit(Command program);
@@ -25,7 +25,20 @@ Action add_certificates(Command program);
 Action add_completion(Command program);
 Action add_man(Command program);
 
-/// Adds all subcommands, and the program's own help and version. Returns the actions in the order of the help.
+/// Judges a mesh in this process, which has all of it in memory.
+int quality_of_file(const QualityArguments& arguments);
+Action add_quality(Command program, const QualityRun& run);
+
+/// Adds all subcommands, and the program's own help and version. Returns the actions in the order of the help. As one
+/// of several processes that a launcher started, the commands refuse.
 Actions add_commands(Command program);
+
+/// The same for a program whose processes share the work. Commands that cannot do that refuse.
+/// @param quality carries out `quality`, in all processes together
+Actions add_commands_of_ranks(Command program, const QualityRun& quality);
+
+/// Runs the command line of a program with these commands, and returns its exit status. Prints what went wrong, also if
+/// standard output cannot be written.
+int run_program(int argc, char** argv, const std::function<Actions(Command)>& add);
 
 }  // namespace varimesh::client

@@ -1,15 +1,10 @@
 // varimesh quality: computes and certifies the quality of a mesh, in this process.
-#include "core/quality/quality.h"
-
 #include <iostream>
 
-#include "client/cli/common_flags.h"
 #include "client/commands/commands.h"
-#include "client/io/documents.h"
 #include "client/io/inputs.h"
 #include "client/io/outputs.h"
 #include "client/io/report_page.h"
-#include "client/io/summary.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
@@ -24,17 +19,8 @@
 namespace varimesh::client {
 namespace {
 
-struct Arguments {
-  CommonFlags common;
-  std::string input, output, report;
-  Repairs repairs;
-  int lattice = 0;
-  int threads = 0;
-  bool certify = false, diagnose = false;
-};
-
 /// Checks that the output and the report can be written, before the work starts.
-Expected<void> check_files(const Arguments& arguments) {
+Expected<void> check_files(const QualityArguments& arguments) {
   std::vector<Output> outputs;
   if (!arguments.output.empty()) {
     if (const auto known = formats::for_output(arguments.output, formats::Format::Auto, formats::Format::Auto); !known)
@@ -46,7 +32,7 @@ Expected<void> check_files(const Arguments& arguments) {
 }
 
 /// Writes the mesh with marks on its elements: cell arrays in VTU, a physical group in MSH.
-Expected<void> write_marked(const Arguments& arguments, formats::MeshFile& file,
+Expected<void> write_marked(const QualityArguments& arguments, formats::MeshFile& file,
                             const std::vector<UnrepairableGroup>& groups) {
   const auto format = formats::for_output(arguments.output, formats::Format::Auto, file.format);
   if (!format) return tl::unexpected(format.error());
@@ -60,11 +46,9 @@ Expected<void> write_marked(const Arguments& arguments, formats::MeshFile& file,
 }
 
 /// The groups of uncertified elements that no movement of nodes can repair, if any of the outputs shows them.
-std::vector<UnrepairableGroup> find_unrepairable(const Arguments& arguments, const HighOrderMesh& mesh,
+std::vector<UnrepairableGroup> find_unrepairable(const QualityArguments& arguments, const HighOrderMesh& mesh,
                                                  const QualityReport& quality) {
-  const bool shown =
-      arguments.diagnose || arguments.common.json || !arguments.output.empty() || !arguments.report.empty();
-  if (quality.uncertified.empty() || !shown) return {};
+  if (quality.uncertified.empty() || !arguments.shows_groups()) return {};
   return with_any_of(diagnose(mesh, arguments.threads), uncertified_numbers(quality));
 }
 
@@ -78,17 +62,9 @@ std::vector<std::string> loose_parts(const HighOrderMesh& mesh, int threads) {
   return sentences;
 }
 
-void print_summary(const Arguments& arguments, const MeshSummary& mesh, const QualityReport& quality,
-                   const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left) {
-  std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
-  out << summary(mesh, quality);
-  if (!arguments.diagnose) return;
-  if (groups.empty() && !quality.is_surface) out << "found no elements that moving nodes cannot repair\n";
-  for (const UnrepairableGroup& group : groups) out << group.sentence << "\n";
-  out << way_out(left);
-}
+}  // namespace
 
-int quality(const Arguments& arguments) {
+int quality_of_file(const QualityArguments& arguments) {
   end_at_first_interrupt();
   if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
   auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
@@ -117,17 +93,11 @@ int quality(const Arguments& arguments) {
             write_quality_report(arguments.report, arguments.input, std::move(file->mesh), *mesh, found, groups, left);
         !written)
       return print_error(written.error());
-  if (arguments.common.json)
-    print(document(*mesh, found, groups, left));
-  else
-    print_summary(arguments, *mesh, found, groups, left);
-  return arguments.certify ? print_uncertified(found.certified.invalid, found.certified.undecided) : kDone;
+  return print_quality(arguments, {*mesh, found, groups, left});
 }
 
-}  // namespace
-
-Action add_quality(Command program) {
-  auto arguments = std::make_shared<Arguments>();
+Action add_quality(Command program, const QualityRun& run) {
+  auto arguments = std::make_shared<QualityArguments>();
   Command command = program.add_command("quality", "Show how good a mesh is and which elements are proved valid");
   command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
   command
@@ -145,7 +115,7 @@ Action add_quality(Command program) {
   add_repair_flags(command, &arguments->repairs);
   add_report_flag(command, &arguments->report);
   add_json_flag(command, &arguments->common);
-  return [arguments] { return quality(*arguments); };
+  return [arguments, run] { return run(*arguments); };
 }
 
 }  // namespace varimesh::client

@@ -1,0 +1,54 @@
+// varimesh-mpi: the command as one of several processes that mpirun or srun started. They share the work on one mesh,
+// and the first one prints what `varimesh` alone would print.
+#include <exception>
+#include <iostream>
+#include <new>
+#include <streambuf>
+
+#include "client/commands/commands.h"
+#include "client/mpi/quality_of_ranks.h"
+#include "client/process/exit_status.h"
+#include "core/mpi/mpi_ranks.h"
+
+namespace {
+
+using namespace varimesh;
+
+/// Takes everything and writes nothing.
+class Nowhere : public std::streambuf {
+  int overflow(int character) override { return traits_type::not_eof(character); }
+};
+
+/// The others wait for this rank, which can go on no more. So all end, and this rank says why.
+[[noreturn]] void give_up(std::streambuf* standard_error, const std::string& why) {
+  std::cerr.rdbuf(standard_error);
+  std::cerr << "varimesh: " << why << std::endl;
+  MpiSession::abort(client::kJobFailed);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const MpiSession session;
+  Nowhere nowhere;
+  std::streambuf *const standard_output = std::cout.rdbuf(), *const standard_error = std::cerr.rdbuf();
+  if (!session.ranks().is_first()) {
+    std::cout.rdbuf(&nowhere);
+    std::cerr.rdbuf(&nowhere);
+  }
+  const auto quality = [&](const client::QualityArguments& arguments) {
+    try {
+      return client::quality_of_ranks(arguments, session.ranks());
+    } catch (const std::bad_alloc&) {
+      give_up(standard_error,
+              "there is not enough memory for a rank's part of the mesh; use more ranks, on more machines.");
+    } catch (const std::exception& error) {
+      give_up(standard_error, std::string("a rank ended unexpectedly (") + error.what() + "); please report it.");
+    }
+  };
+  const int status = client::run_program(
+      argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality); });
+  std::cout.rdbuf(standard_output);
+  std::cerr.rdbuf(standard_error);
+  return status;
+}

@@ -1,0 +1,212 @@
+"""varimesh-mpi: several processes print what one prints, and all end soon if one of them cannot go on."""
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+from programs import CASES, VARIMESH, WithFolder, run
+
+VARIMESH_MPI = os.environ["VARIMESH_MPI"]
+# Open MPI starts several processes on one core, and as root, only if it is told so.
+PERMITTED = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+             "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_orte_abort_print_stack": "0"}
+MESHES = ["nine_triangles.msh", "circle_p5.msh", "annulus_p3.msh", "aerofoil_p4.msh", "reentrant_3_of_5.msh",
+          "pin_p3.msh", "solid_ball_p3.msh", "thick_layer_p3.msh"]
+SECONDS_TO_END = 10
+# Megabytes of memory of its own that a process may have (RLIMIT_DATA). In the address space, what MPI's processes have in
+# common would count for each.
+LIMIT = 160
+
+
+def command(ranks, *arguments):
+    return ["mpirun", "-n", str(ranks), VARIMESH_MPI, *map(str, arguments)]
+
+
+def launch(ranks, *arguments, **keywords):
+    return subprocess.run(command(ranks, *arguments), capture_output=True, text=True, timeout=100, env=PERMITTED, **keywords)
+
+
+def has_ended(process):
+    """Whether no process has this id, or only one that nobody has waited for."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+class WithMeshes(WithFolder):
+    def binary(self, name):
+        """A mesh of tests/cases as a binary file of MSH 4.1."""
+        path = self.folder / name
+        done = run("convert", CASES / name, path, "--format", "msh41-binary")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return path
+
+    def grid(self, cubes, name="grid.msh"):
+        """A cube of cubes³ hexahedra of order 2, which are skewed a little; its boundary has no elements."""
+        path = self.folder / name
+        side = 2 * cubes + 1
+        node = lambda i, j, k: 1 + i + side * (j + side * k)
+        with open(path, "wb") as file:
+            file.write(b"$MeshFormat\n4.1 1 8\n" + struct.pack("<i", 1) + b"\n$EndMeshFormat\n$Nodes\n")
+            file.write(struct.pack("<4Q3iQ", 1, side**3, 1, side**3, 3, 1, 0, side**3))
+            for first in range(1, side**3 + 1, side):
+                file.write(struct.pack(f"<{side}Q", *range(first, first + side)))
+            for k in range(side):
+                for j in range(side):
+                    file.write(b"".join(struct.pack("<3d", i + 0.1 * (j % 3), j + 0.1 * (k % 5), k) for i in range(side)))
+            file.write(b"\n$EndNodes\n$Elements\n")
+            file.write(struct.pack("<4Q3iQ", 1, cubes**3, 1, cubes**3, 3, 1, 12, cubes**3))
+            # Gmsh's order of the nodes of a hexahedron of order 2.
+            lattice = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2), (1, 0, 0),
+                       (0, 1, 0), (0, 0, 1), (2, 1, 0), (2, 0, 1), (1, 2, 0), (2, 2, 1), (0, 2, 1), (1, 0, 2), (0, 1, 2),
+                       (2, 1, 2), (1, 2, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2), (1, 1, 1)]
+            number = 0
+            for z in range(cubes):
+                for y in range(cubes):
+                    for x in range(cubes):
+                        number += 1
+                        nodes = [node(2 * x + i, 2 * y + j, 2 * z + k) for i, j, k in lattice]
+                        file.write(struct.pack("<28Q", number, *nodes))
+            file.write(b"\n$EndElements\n")
+        return path
+
+
+class Bytes(WithMeshes):
+    """Standard output is that of plain varimesh, byte for byte."""
+
+    def assert_same(self, mesh, *flags, ranks=(1, 2, 3, 5)):
+        plain = run("quality", mesh, *flags)
+        self.assertIn(plain.returncode, (0, 4), plain.stderr)
+        for count in ranks:
+            with self.subTest(mesh.name, ranks=count, flags=flags):
+                done = launch(count, "quality", mesh, *flags)
+                self.assertEqual(done.returncode, plain.returncode, done.stderr)
+                self.assertEqual(done.stdout, plain.stdout)
+                for line in plain.stderr.splitlines():
+                    self.assertEqual(done.stderr.splitlines().count(line), 1)
+
+    def test_summaries(self):
+        for name in MESHES:
+            self.assert_same(self.binary(name), "--certify")
+
+    def test_documents(self):
+        for name in MESHES:
+            self.assert_same(self.binary(name), "--json", ranks=(1, 3))
+
+    def test_flags(self):
+        mesh = self.binary("reentrant_3_of_5.msh")
+        self.assert_same(mesh, "--diagnose", ranks=(2, 3))
+        self.assert_same(mesh, "--lattice", "3", "--threads", "2", ranks=(2,))
+
+    def test_a_larger_mesh(self):
+        self.assert_same(self.grid(12), "--certify", "--json", ranks=(1, 2, 5))
+
+
+class Refusals(WithMeshes):
+    def assert_refused(self, status, words, *arguments):
+        done = launch(2, *arguments)
+        self.assertEqual(done.returncode, status, done.stderr)
+        lines = [line for line in done.stderr.splitlines() if line.startswith("varimesh: ")]
+        self.assertEqual(len(lines), 1, done.stderr)
+        self.assertIn(words, lines[0])
+        self.assertEqual(done.stdout.count("scaled Jacobian"), 0)
+
+    def test_what_ranks_do_not_do_yet(self):
+        mesh = self.binary("nine_triangles.msh")
+        self.assert_refused(2, "shares only the work of 'quality'", "optimise", mesh, "-o", self.folder / "out.msh")
+        self.assert_refused(2, "does not take --report", "quality", mesh, "--report", self.folder / "report.html")
+        self.assert_refused(2, "does not take --output", "quality", mesh, "-o", self.folder / "out.vtu")
+        self.assert_refused(2, "flags that repair", "quality", mesh, "--merge-nodes", "1e-9")
+        self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
+
+    def test_files_that_ranks_do_not_read(self):
+        self.assert_refused(3, "binary files of Gmsh's MSH 4.1 only", "quality", CASES / "nine_triangles.msh")
+        self.assert_refused(3, "cannot be opened", "quality", self.folder / "missing.msh")
+
+    def test_a_surface_in_space(self):
+        mesh = self.folder / "surface.msh"
+        run("convert", CASES / "sphere_p3.msh", mesh, "--format", "msh41-binary")
+        if run("quality", mesh).stdout.startswith("surface"):
+            self.assert_refused(3, "surface in space", "quality", mesh)
+
+    def test_only_this_program_is_linked_with_mpi(self):
+        libraries = lambda program: subprocess.run(["ldd", program], capture_output=True, text=True).stdout
+        self.assertIn("libmpi", libraries(VARIMESH_MPI))
+        self.assertNotIn("libmpi", libraries(VARIMESH))
+
+    def test_help_and_version_are_printed_once(self):
+        self.assertEqual(launch(3, "--version").stdout, run("--version").stdout)
+        self.assertEqual(launch(2, "quality", "--help").stdout, run("quality", "--help").stdout)
+
+
+class Failures(WithMeshes):
+    def test_a_fault_in_one_part_of_the_file_ends_all(self):
+        mesh = self.grid(8)
+        data = bytearray(mesh.read_bytes())
+        at = data.rfind(b"\n$EndElements") - 8
+        data[at:at + 8] = struct.pack("<Q", 10**9)
+        mesh.write_bytes(data)
+        began = time.monotonic()
+        done = launch(3, "quality", mesh)
+        self.assertLess(time.monotonic() - began, SECONDS_TO_END)
+        self.assertEqual(done.returncode, 3)
+        self.assertEqual(done.stderr.count("varimesh: "), 1, done.stderr)
+        self.assertIn("refers to node 1000000000", done.stderr)
+        self.assertIn(f"byte {at + 8}", done.stderr)
+        self.assertIn(run("quality", mesh).stderr.strip(), done.stderr)
+
+    def test_a_killed_rank_ends_all(self):
+        mesh = self.grid(40)
+        process = subprocess.Popen(command(3, "quality", mesh, "--lattice", "60", "--threads", "1"), env=PERMITTED,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        ranks = []
+        deadline = time.monotonic() + 30
+        while len(ranks) < 3:
+            self.assertLess(time.monotonic(), deadline)
+            ranks = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
+            time.sleep(0.05)
+        time.sleep(2)
+        self.assertIsNone(process.poll(), "the ranks ended before one was killed")
+        os.kill(int(ranks[1]), signal.SIGKILL)
+        began = time.monotonic()
+        stdout, stderr = process.communicate(timeout=30)
+        self.assertLess(time.monotonic() - began, SECONDS_TO_END)
+        self.assertNotEqual(process.returncode, 0)
+        self.assertEqual(stdout.count("scaled Jacobian"), 0)
+        self.assertIn("Killed", stderr)
+        while not all(map(has_ended, ranks)):
+            self.assertLess(time.monotonic() - began, SECONDS_TO_END)
+            time.sleep(0.05)
+
+
+class Memory(WithMeshes):
+    def limited(self, launcher, program, arguments):
+        """Runs the program, or several with a launcher, with at most LIMIT megabytes each."""
+        return self.finished([*launcher, "sh", "-c", f'ulimit -d {LIMIT * 1024}; exec "$0" "$@"', program, *arguments])
+
+    def finished(self, words):
+        return subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=200, env=PERMITTED)
+
+    def test_a_mesh_that_no_rank_can_hold(self):
+        """Plain varimesh has no room for the mesh, and each of eight ranks has for its part."""
+        mesh = self.grid(72)
+        arguments = ["quality", mesh, "--certify", "--threads", "1"]
+        whole = self.limited([], VARIMESH, arguments)
+        self.assertNotEqual(whole.returncode, 0)
+        self.assertIn("memory", whole.stderr)
+        parts = self.limited(["mpirun", "-n", "8"], VARIMESH_MPI, arguments)
+        self.assertEqual(parts.returncode, 0, parts.stderr)
+        self.assertEqual(parts.stdout, self.finished([VARIMESH, *arguments]).stdout)
+
+
+if __name__ == "__main__":
+    if shutil.which("mpirun") is None:
+        print("SKIPPED: there is no mpirun (deploy/setup mpi)")
+        sys.exit(77)
+    unittest.main(verbosity=2)
