@@ -125,6 +125,7 @@ Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& of, const Options& given, 
   if (const auto degree = check_degree(mesh, options.quadrature_degree); !degree) return tl::unexpected(degree.error());
   auto result = std::make_unique<SetUp>();
   result->options = options;
+  result->given_objective = given.objective;
   result->leaves_the_way_open = leaves_the_way_open(given);
   result->clockwise = std::move(clockwise);
   result->fixed = *fixed;

@@ -216,7 +216,9 @@ Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteratio
                              StopToken& stop) {
   const HighOrderMesh& mesh = set_up.mesh;
   const Options& options = set_up.options;
-  RunSequence runs(options, fingerprint_for(control, set_up), on_iteration, control, stop);
+  Options of_runs = options;  // they try other ways where a run that is not part of a sequence would
+  of_runs.objective = set_up.given_objective;
+  RunSequence runs(of_runs, fingerprint_for(control, set_up), on_iteration, control, stop);
   QualityReport before = quality_before(mesh, options, runs.token());
   std::optional<Result> best;
   bool out_of_work = false;

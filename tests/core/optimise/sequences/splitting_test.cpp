@@ -180,6 +180,15 @@ TEST(RepairBySplitting, SplitsNothingInAValidMesh) {
   EXPECT_EQ(result.iterations, plain.iterations);
 }
 
+TEST(RepairBySplitting, TriesOtherWaysOnMeshesOfOrderOneToo) {
+  const HighOrderMesh mesh = testing::read_case("reentrant_3_of_5.msh");
+  Options options;
+  const Result plain = run(mesh, options);
+  ASSERT_TRUE(plain.after.uncertified.empty());
+  options.repair = Repair::Split;
+  EXPECT_TRUE(run(mesh, options).after.uncertified.empty());
+}
+
 TEST(RepairBySplitting, SaysThatItIsNotOfferedForOtherShapes) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Hexahedra, {1, 1, 1}, 3, [](testing::Place x) {
     return testing::Place{x[0] - .5, x[1] - .5, x[2] - .5};
