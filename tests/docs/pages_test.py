@@ -237,6 +237,15 @@ class FromCad(WithPrograms):
         self.assertLessEqual({"part.step", "part.msh", "part.html", "part.xml", "coarse.msh"}, set(os.listdir(self.work)))
 
 
+class LayersFromCad(WithPrograms):
+    def test_runs_unchanged(self):
+        printed = "".join(self.run_page(SOURCE / "docs" / "tutorial-layers.md"))
+        for words in ("layers     20 above", "certified\n", "certified for Nektar++\n"):
+            self.assertIn(words, printed)
+        self.assertIn('NAME="aerofoil"', (self.work / "thin.xml").read_text())
+        self.assertIn(b"bc/aerofoil", (self.work / "thin.pyfrm").read_bytes())
+
+
 class Commands(WithPrograms):
     """The commands of every page except those whose commands other tests run."""
 
