@@ -32,7 +32,7 @@ constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
 constexpr Words kColouring[] = {"group", "node"};
 constexpr Words kUntil[] = {"tolerance", "valid"};
 constexpr Words kLayerSpacing[] = {"keep", "even", "graded"};
-constexpr Words kRepair[] = {"none", "report", "split", "straighten", "refine"};
+constexpr Words kRepair[] = {"none", "report", "split", "straighten", "refine", "topology"};
 constexpr Words kObjective[] = {"energy", "worst", "accuracy", "auto"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
 
@@ -86,7 +86,8 @@ const std::array kTable{
     row("repair", choice<Repair, &Options::repair>(kRepair),
         "What is done about elements that no movement of nodes can repair: none treats them like any other, "
         "report names them and keeps them from distorting others, split gives tetrahedra new nodes, straighten "
-        "makes triangles and tetrahedra straight-sided, refine needs a model and also splits edges on the boundary"),
+        "makes triangles and tetrahedra straight-sided, refine needs a model and also splits edges on the boundary, "
+        "topology also swaps and collapses edges inside"),
     number("until_js", &Options::until_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
            "Stop when every element's scaled Jacobian is proved to be at least this, and return the best mesh; 0: "
            "never"),

@@ -48,6 +48,12 @@ Expected<void> check_effect(const Options& options) {
   return {};
 }
 
+std::string word_of_repair(const Options& options) {
+  const auto row = std::ranges::find(option_table(), "repair", &OptionInfo::name);
+  const auto& member = std::get<ChoiceMember>(row->member);
+  return std::string(member.words[static_cast<std::size_t>(member.get(options))]);
+}
+
 }  // namespace
 
 Expected<void> check(const Options& options) {
@@ -56,7 +62,7 @@ Expected<void> check(const Options& options) {
       return bad_option(std::string(option.name) + " is " + number_text(value) + "; give " +
                         std::string(option.values) + ".");
   if (auto effect = check_effect(options); !effect) return effect;
-  const std::string word = options.repair == Repair::Refine ? "refine" : "split";
+  const std::string word = word_of_repair(options);
   const bool takes_field = options.target == Target::Size || options.target == Target::Strain;
   if (takes_field && options.target_field.values.empty())
     return bad_option(

@@ -87,10 +87,15 @@ enum class Repair : std::uint8_t {
                ///< tetrahedra only.
   Refine,      ///< As Split. If boundary nodes slide on a model and elements are left, edges on the boundary are split
                ///< too, with new nodes on the model (optimise_on_geometry.h).
+  Topology,  ///< As Split. If elements are left, or have a scaled Jacobian below `min_js`, edges and faces between the
+             ///< triangles or tetrahedra around them are swapped, and edges collapsed, where that helps. The boundary
+             ///< and the groups stay (core/repair/swaps).
 };
 
 /// Whether elements may be split.
-inline bool splits(Repair repair) { return repair == Repair::Split || repair == Repair::Refine; }
+inline bool splits(Repair repair) {
+  return repair == Repair::Split || repair == Repair::Refine || repair == Repair::Topology;
+}
 
 /// A size or strain for Target::Size and Target::Strain; read_target_field() reads it from text. Tensors are symmetric
 /// and stored as their lower triangle, row by row: xx, xy, yy in 2-D, and also xz, yz, zz in 3-D.

@@ -15,12 +15,16 @@ struct RepairStep {
     SplitFace,     ///< An interior face was split in three, together with the elements on both sides.
     Straightened,  ///< Elements were made straight-sided as far as the boundary allows.
     Left,          ///< Elements were left as they were; the sentence says why.
+    Swapped,       ///< The elements around an interior edge or face got others in their place, with the same vertices.
+    Collapsed,     ///< An interior vertex went to the other end of an edge; the elements along the edge disappeared.
   };
   Kind kind = Kind::Left;
-  std::vector<std::int64_t> vertices;  ///< Nodes at the ends of the split edge or the corners of the split face.
+  /// Nodes at the ends of the edge, or at the corners of the face, that was split, swapped or collapsed.
+  std::vector<std::int64_t> vertices;
   std::int64_t node = 0;               ///< The new vertex; 0 if there is none.
   std::vector<std::int64_t> elements;  ///< A split element's number stays with one of its parts.
-  /// The other parts: one per element, in the same order, or two per element if a face was split.
+  /// Of a split: the other parts, one per element, in the same order, or two per element if a face was split. Of a swap
+  /// or a collapse: the elements that are new, all with numbers above those that there were.
   std::vector<std::int64_t> new_elements;
   std::string sentence;  ///< For humans: what was done, or why not.
 };

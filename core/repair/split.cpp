@@ -11,26 +11,12 @@
 #include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
+#include "core/repair/node_key.h"
 
 namespace varimesh {
 namespace {
 
 using reference::NodeSet;
-
-/// A node by the vertices that it lies between, in ascending order, and its weight on each of them. The weights add up
-/// to the order P.
-using NodeKey = std::array<std::pair<std::int32_t, std::int32_t>, 4>;
-
-constexpr std::pair<std::int32_t, std::int32_t> kNobody{-1, 0};
-
-/// The indices of an element's vertices; −1 where it has fewer than four.
-using VertexNodes = std::array<std::int32_t, 4>;
-
-VertexNodes vertex_nodes(Shape shape, const std::int32_t* nodes) {
-  VertexNodes result{-1, -1, -1, -1};
-  std::copy_n(nodes, reference::info(shape).vertices, result.begin());
-  return result;
-}
 
 /// Local numbers of those vertices of the place that the element has.
 std::vector<int> local_vertices(const SplitPlace& place, const VertexNodes& vertices) {
@@ -67,9 +53,7 @@ class Splitter {
       for (const std::int64_t number : block.numbers) last_element_ = std::max(last_element_, number);
       for (const std::int64_t number : block.repeat_numbers) last_element_ = std::max(last_element_, number);
       if (is_simplex(block.shape) && !weights_.contains(block.shape))
-        for (const auto& position : reference::lattice(block.shape, order_))
-          weights_[block.shape].push_back(
-              {order_ - position[0] - position[1] - position[2], position[0], position[1], position[2]});
+        weights_[block.shape] = node_weights(block.shape, order_);
     }
     parents_.resize(mesh.blocks.size());
     classified_ = std::ranges::none_of(mesh.node_blocks, [](const NodeBlock& block) { return block.dimension < 0; });
@@ -134,15 +118,6 @@ class Splitter {
     return members;
   }
 
-  using Weights = std::vector<std::array<std::int32_t, 4>>;
-
-  static NodeKey key(const VertexNodes& vertices, const std::array<std::int32_t, 4>& weights) {
-    NodeKey result;
-    for (std::size_t v = 0; v < 4; ++v) result[v] = weights[v] > 0 ? std::pair{vertices[v], weights[v]} : kNobody;
-    std::ranges::sort(result);
-    return result;
-  }
-
   /// Values of the parent's basis at the nodes of the part whose vertex `replaced` is the place's centre.
   const Eigen::MatrixXd& pattern(Shape shape, const std::vector<int>& vertices, int replaced) {
     std::vector<int> name = vertices;
@@ -152,7 +127,7 @@ class Splitter {
     const auto [entry, is_new] = patterns_.try_emplace(name);
     if (!is_new) return entry->second;
     const auto& info = reference::info(shape);
-    const Weights& weights = weights_.at(shape);
+    const NodeWeights& weights = weights_.at(shape);
     Eigen::MatrixXd corner(info.vertices, 3);
     for (int v = 0; v < info.vertices; ++v)
       for (int c = 0; c < 3; ++c) corner(v, c) = c < info.dimension ? info.vertex[at(v)][at(c)] : 0;
@@ -202,7 +177,7 @@ class Splitter {
     const Member& cell = *std::ranges::find_if(members, [&](const Member& member) { return is_cell(member); });
     parents.inside = classified_ ? NodeClass{result_.dimension, block_of(cell).entity} : NodeClass{-1, 0};
     for (const Member& member : members) {
-      const Weights& weights = weights_.at(block_of(member).shape);
+      const NodeWeights& weights = weights_.at(block_of(member).shape);
       const auto* nodes = block_of(member).nodes.data() + member.element * weights.size();
       const VertexNodes vertices = vertex_nodes(block_of(member).shape, nodes);
       parents.nodes.emplace_back(nodes, nodes + weights.size());
@@ -214,7 +189,7 @@ class Splitter {
           if (weights[n][v] > 0) between[v] = vertices[v];
         std::ranges::sort(between);
         if (std::ranges::any_of(local, [&](int v) { return weights[n][at(v)] == 0; })) {
-          parents.known.emplace(key(vertices, weights[n]), nodes[n]);
+          parents.known.emplace(node_key(vertices, weights[n]), nodes[n]);
           continue;
         }
         if (classified_) parents.classes.try_emplace(between, class_of_node(nodes[n]));
@@ -272,10 +247,10 @@ class Splitter {
 
   std::vector<std::int32_t> nodes_of_part(Shape shape, const VertexNodes& vertices, const Eigen::MatrixXd& x,
                                           const Cut& cut, Parents& parents) {
-    const Weights& weights = weights_.at(shape);
+    const NodeWeights& weights = weights_.at(shape);
     std::vector<std::int32_t> nodes(weights.size());
     for (std::size_t n = 0; n < nodes.size(); ++n) {
-      const NodeKey name = key(vertices, weights[n]);
+      const NodeKey name = node_key(vertices, weights[n]);
       const auto [entry, is_new] = parents.known.try_emplace(name, -1);
       if (is_new) {
         entry->second = n < at(reference::info(shape).vertices)
@@ -329,7 +304,7 @@ class Splitter {
   HighOrderMesh result_;
   int order_;
   bool classified_ = false;
-  std::map<Shape, Weights> weights_;  // by shape: of each node, on the vertices
+  std::map<Shape, NodeWeights> weights_;  // by shape: of each node, on the vertices
   std::map<std::vector<int>, Eigen::MatrixXd> patterns_;
   std::int64_t last_node_ = 0, last_element_ = 0;
   std::map<NodeClass, std::vector<std::int32_t>> vacant_;  // the lowest last

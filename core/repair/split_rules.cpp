@@ -1,12 +1,11 @@
 #include "core/repair/split_rules.h"
 
-#include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 
 #include "core/base/index.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/reference/basis.h"
+#include "core/repair/mean_ratio.h"
 #include "core/validity/orientation.h"
 
 namespace varimesh {
@@ -21,17 +20,6 @@ bool has(std::span<const std::int32_t> vertices, const SplitPlace& place) {
   for (int k = 0; k < vertex_count(place); ++k)
     if (std::ranges::find(vertices, place[at(k)]) == vertices.end()) return false;
   return true;
-}
-
-/// Mean ratio 12 (3 V)^(2/3) / Σ l², with the sign of V.
-double mean_ratio(const Eigen::Matrix<double, 4, 3>& x) {
-  Eigen::Matrix3d edges;
-  for (int i = 0; i < 3; ++i) edges.row(i) = x.row(i + 1) - x.row(0);
-  const double volume = edges.determinant() / 6;
-  double squares = 0;
-  for (int i = 0; i < 4; ++i)
-    for (int j = 0; j < i; ++j) squares += (x.row(i) - x.row(j)).squaredNorm();
-  return squares > 0 ? std::copysign(12 * std::pow(3 * std::abs(volume), 2.0 / 3) / squares, volume) : 0;
 }
 
 }  // namespace
@@ -51,7 +39,7 @@ SplitRules::SplitRules(const HighOrderMesh& mesh, const Cells& cells, const std:
   }
   for (const ElementBlock& block : mesh.blocks) {
     const auto& info = reference::info(block.shape);
-    if (info.dimension == 0 || info.dimension == 3) continue;
+    if (info.dimension == 0 || info.dimension == mesh.dimension) continue;
     const std::size_t stride = at(reference::node_count(block.shape, block.order));
     for (std::size_t e = 0; e < block.size(); ++e)
       forbid(std::span(block.nodes).subspan(e * stride, at(info.vertices)));
@@ -66,6 +54,7 @@ SplitRules::SplitRules(const HighOrderMesh& mesh, const Cells& cells, const std:
   cells_of_.resize(first_.back());
   std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
   for_each_corner([&](std::size_t node, std::int32_t cell) { cells_of_[next[node]++] = cell; });
+  for (const Shape shape : {Shape::Triangle, Shape::Tetrahedron}) weights_[shape] = node_weights(shape, mesh.order);
   for (std::size_t vertices = 1; vertices < centre_basis_.size(); ++vertices)
     centre_basis_[vertices] = basis_at_centre(vertices);
 }
@@ -92,33 +81,51 @@ bool SplitRules::is_boundary(const SplitPlace& face) const { return faces_.conta
 
 std::vector<std::int32_t> SplitRules::cells_around(const SplitPlace& place) const {
   std::vector<std::int32_t> result;
-  for (std::uint32_t i = first_[at(place[0])]; i < first_[at(place[0]) + 1]; ++i) {
-    const auto cell = at(cells_of_[i]);
-    const auto vertices = at(reference::info(cells_.shape(cell)).vertices);
-    if (has(cells_.nodes(cell).first(vertices), place)) result.push_back(cells_of_[i]);
+  for (const std::int32_t cell : cells_of(place[0])) {
+    const auto vertices = at(reference::info(cells_.shape(at(cell))).vertices);
+    if (has(cells_.nodes(at(cell)).first(vertices), place)) result.push_back(cell);
   }
   return result;
 }
 
+bool SplitRules::is_forbidden(const SplitPlace& place) const {
+  return vertex_count(place) == 2 ? edges_.contains({place[0], place[1]}) : faces_.contains(place);
+}
+
 bool SplitRules::may_split(const SplitPlace& place) const {
-  if (vertex_count(place) == 2 ? edges_.contains({place[0], place[1]}) : faces_.contains(place)) return false;
+  if (is_forbidden(place)) return false;
   const std::vector<std::int32_t> around = cells_around(place);
   return !around.empty() && std::ranges::all_of(around, [&](std::int32_t cell) { return may_cut(cell, place); });
 }
 
+bool SplitRules::is_inside(const SplitPlace& place) const {
+  if (is_forbidden(place)) return false;
+  return std::ranges::all_of(cells_around(place), [&](std::int32_t cell) {
+    const Shape shape = cells_.shape(at(cell));
+    return (shape == Shape::Triangle || shape == Shape::Tetrahedron) && !holds_fixed_node(cell, place);
+  });
+}
+
+bool SplitRules::holds_fixed_node(std::int32_t cell, const SplitPlace& place) const {
+  const auto nodes = cells_.nodes(at(cell));
+  const NodeWeights& weights = weights_.at(cells_.shape(at(cell)));
+  const VertexNodes vertices = vertex_nodes(cells_.shape(at(cell)), nodes.data());
+  const auto ends = std::span(place).first(at(vertex_count(place)));
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    bool is_held = fixed_[at(nodes[n])];
+    for (std::size_t v = 0; v < 4 && is_held; ++v)
+      is_held = weights[n][v] > 0 || std::ranges::find(ends, vertices[v]) == ends.end();
+    if (is_held) return true;
+  }
+  return false;
+}
+
 bool SplitRules::may_cut(std::int32_t cell, const SplitPlace& place) const {
-  if (cells_.shape(at(cell)) != Shape::Tetrahedron) return false;
+  if (cells_.shape(at(cell)) != Shape::Tetrahedron || holds_fixed_node(cell, place)) return false;
   const auto nodes = cells_.nodes(at(cell));
   std::vector<int> local;
   for (int k = 0; k < vertex_count(place); ++k)
     local.push_back(static_cast<int>(std::ranges::find(nodes.first(4), place[at(k)]) - nodes.begin()));
-  const auto& lattice = reference::lattice(Shape::Tetrahedron, mesh_.order);
-  for (std::size_t n = 0; n < nodes.size(); ++n) {
-    const std::array<int, 4> weight{mesh_.order - lattice[n][0] - lattice[n][1] - lattice[n][2], lattice[n][0],
-                                    lattice[n][1], lattice[n][2]};
-    const bool vanishes = std::ranges::all_of(local, [&](int v) { return weight[at(v)] > 0; });
-    if (vanishes && fixed_[at(nodes[n])]) return false;
-  }
   const Eigen::MatrixXd x = detail::node_positions(mesh_.coordinates, nodes);
   const Eigen::Matrix<double, 4, 3> corners = x.topRows<4>();
   if (sign_ * mean_ratio(corners) < kFlat) return false;

@@ -1,9 +1,10 @@
-// Which edges and faces may be split, and which cells have them. Internal to the library.
+// Which edges and faces may be split or swapped, and which cells have them. Internal to the library.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <map>
 #include <set>
 #include <span>
 #include <utility>
@@ -11,11 +12,12 @@
 
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/repair/node_key.h"
 #include "core/repair/split.h"
 
 namespace varimesh {
 
-/// Decides for each edge and face of a mesh whether it may be split.
+/// Decides for each edge and face of a mesh whether it may be split, or swapped.
 class SplitRules {
  public:
   /// `fixed`: by node, as in diagnose(). Keeps references to all three.
@@ -25,8 +27,18 @@ class SplitRules {
   /// around it are tetrahedra, and neither their straight-sided forms nor those of the parts are flat.
   bool may_split(const SplitPlace& place) const;
 
+  /// Whether the edge or face lies inside the mesh, free of everything: it is not on the boundary, no element of a
+  /// lower dimension and no fixed node lies on it, and all cells around it are triangles or tetrahedra.
+  bool is_inside(const SplitPlace& place) const;
+
   /// The cells that have the edge or face, in ascending order.
   std::vector<std::int32_t> cells_around(const SplitPlace& place) const;
+
+  /// The cells that have the vertex, in ascending order.
+  std::span<const std::int32_t> cells_of(std::int32_t vertex) const {
+    const auto first = first_[static_cast<std::size_t>(vertex)], end = first_[static_cast<std::size_t>(vertex) + 1];
+    return std::span(cells_of_).subspan(first, end - first);
+  }
 
   /// Whether the face is on the boundary or has an element of its own.
   bool is_boundary(const SplitPlace& face) const;
@@ -34,6 +46,9 @@ class SplitRules {
  private:
   /// Forbids splitting the face or edge with these corners, given in order around it, and the edges of the face.
   void forbid(std::span<const std::int32_t> corners);
+  bool is_forbidden(const SplitPlace& place) const;
+  /// Whether a fixed node of the cell lies inside the edge or face, or between it and something else.
+  bool holds_fixed_node(std::int32_t cell, const SplitPlace& place) const;
   bool may_cut(std::int32_t cell, const SplitPlace& place) const;
   Eigen::RowVectorXd basis_at_centre(std::size_t vertices) const;
 
@@ -45,6 +60,7 @@ class SplitRules {
   std::vector<std::uint32_t> first_;                       // by node: the start of its cells in cells_of_
   std::vector<std::int32_t> cells_of_;
   double sign_;
+  std::map<Shape, NodeWeights> weights_;
   // Values of the basis at the centre of some of a tetrahedron's vertices; bit v of the index stands for vertex v.
   std::array<Eigen::RowVectorXd, 16> centre_basis_;
 };

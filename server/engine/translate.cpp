@@ -18,7 +18,8 @@ constexpr bool same(Message message, Value value) {
 static_assert(same(v1::RepairStep::KIND_SPLIT_EDGE, RepairStep::Kind::SplitEdge) &&
               same(v1::RepairStep::KIND_SPLIT_FACE, RepairStep::Kind::SplitFace) &&
               same(v1::RepairStep::KIND_STRAIGHTENED, RepairStep::Kind::Straightened) &&
-              same(v1::RepairStep::KIND_LEFT, RepairStep::Kind::Left));
+              same(v1::RepairStep::KIND_LEFT, RepairStep::Kind::Left) &&
+              same(v1::RepairStep::KIND_COLLAPSED, RepairStep::Kind::Collapsed));
 static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
               same(v1::STOP_REASON_STOPPED, StopReason::Stopped) &&
               same(v1::STOP_REASON_MOST_PRODUCTS, StopReason::MostProducts));

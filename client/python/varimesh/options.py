@@ -140,7 +140,7 @@ class Options(TypedDict, total=False):
     until_js: float
     time_limit: float
     orient: bool
-    repair: Literal["none", "report", "split", "straighten", "refine"]
+    repair: Literal["none", "report", "split", "straighten", "refine", "topology"]
 
 
 def _set_target_field(message: Any, field: object) -> None:

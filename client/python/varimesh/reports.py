@@ -76,7 +76,8 @@ class Unrepairable:
 
 @dataclass(frozen=True)
 class RepairStep:
-    """A step taken, or not taken, about unrepairable elements: split-edge, split-face, straightened or left."""
+    """A step taken, or not taken, about unrepairable elements: split-edge, split-face, straightened, left, swapped or
+    collapsed."""
 
     kind: str
     elements: tuple[int, ...]

@@ -9,6 +9,7 @@
 
 #include "core/base/index.h"
 #include "core/layers/split/cut_elements.h"
+#include "core/mesh/changes/remove_nodes.h"
 #include "core/mesh/check.h"
 #include "core/reference/nodes.h"
 
@@ -50,9 +51,8 @@ class MeshCutter {
     result.order = mesh_.order;
     result.entities = mesh_.entities;
     result.physical_groups = mesh_.physical_groups;
-    for (const ForeignSection& section : mesh_.foreign)
-      if (section.name != "NodeData" && section.name != "ElementNodeData" && section.name != "ElementData")
-        result.foreign.push_back(section);
+    result.foreign = mesh_.foreign;
+    drop_fields(result);
     place_nodes(result);
     for (ElementBlock& block : blocks_) {
       for (std::int32_t& node : block.nodes) node = place_of(node);

@@ -49,4 +49,10 @@ void remove_nodes(HighOrderMesh& mesh, const std::vector<bool>& keep) {
   }
 }
 
+void drop_fields(HighOrderMesh& mesh) {
+  std::erase_if(mesh.foreign, [](const ForeignSection& section) {
+    return section.name == "NodeData" || section.name == "ElementData" || section.name == "ElementNodeData";
+  });
+}
+
 }  // namespace varimesh

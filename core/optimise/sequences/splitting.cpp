@@ -1,4 +1,4 @@
-// Rounds of splitting and optimising; the best mesh is kept.
+// Rounds of splitting and optimising; the best mesh is kept, and swapped if that was asked for.
 #include "core/optimise/sequences/splitting.h"
 
 #include <Eigen/LU>
@@ -16,6 +16,7 @@
 #include "core/optimise/grace.h"
 #include "core/optimise/sequences/raise_left.h"
 #include "core/optimise/sequences/run_sequence.h"
+#include "core/optimise/sequences/swap_left.h"
 #include "core/optimise/sequences/work.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
@@ -140,7 +141,7 @@ std::set<std::int64_t> cut_elements(const std::vector<RepairStep>& steps) {
 
 /// Adds a step for each reason why elements are left that are not certified valid; each of them is in exactly one. If
 /// the run was stopped, adds one that says so instead. `out_of_work`: the rounds have used up what they may do.
-void say_what_is_left(Result& result, bool stopped, bool out_of_work) {
+void say_what_is_left(Result& result, Repair repair, bool stopped, bool out_of_work) {
   if (stopped) {
     if (result.after.uncertified.empty()) return;
     RepairStep step;
@@ -152,14 +153,16 @@ void say_what_is_left(Result& result, bool stopped, bool out_of_work) {
   const std::set<std::int64_t> uncertified = uncertified_set(result);
   if (uncertified.empty()) return;
   const std::set<std::int64_t> folded = owners_of_folded_faces(result), cut = cut_elements(result.repairs);
-  std::vector<std::int64_t> others, owners, in_vain, untouched;
+  std::vector<std::int64_t> others, triangles, owners, in_vain, untouched;
   for (std::size_t c = 0; c < cells.count(); ++c) {
     const std::int64_t number = cells.number(c);
     if (!uncertified.contains(number)) continue;
-    std::vector<std::int64_t>& reason = cells.shape(c) != Shape::Tetrahedron ? others
-                                        : folded.contains(number)            ? owners
-                                        : cut.contains(number)               ? in_vain
-                                                                             : untouched;
+    const bool is_swapped = repair == Repair::Topology && cells.shape(c) == Shape::Triangle;
+    std::vector<std::int64_t>& reason = is_swapped                             ? triangles
+                                        : cells.shape(c) != Shape::Tetrahedron ? others
+                                        : folded.contains(number)              ? owners
+                                        : cut.contains(number)                 ? in_vain
+                                                                               : untouched;
     reason.push_back(number);
   }
   std::vector<RepairStep>& steps = result.repairs;
@@ -167,7 +170,15 @@ void say_what_is_left(Result& result, bool stopped, bool out_of_work) {
     RepairStep step;
     step.elements = others;
     step.sentence = "Only tetrahedra can be split: " + elements_text(others, "element", "elements") +
-                    " stay as the optimisation left them.";
+                    (others.size() == 1 ? " stays" : " stay") + " as the optimisation left " +
+                    (others.size() == 1 ? "it." : "them.");
+    steps.push_back(std::move(step));
+  }
+  if (!triangles.empty()) {
+    RepairStep step;
+    step.elements = triangles;
+    step.sentence = "No swap or collapse of an edge helped " + elements_text(triangles, "triangle", "triangles") +
+                    "; that no series of them would is not proved.";
     steps.push_back(std::move(step));
   }
   if (!owners.empty())
@@ -180,6 +191,25 @@ void say_what_is_left(Result& result, bool stopped, bool out_of_work) {
   if (!untouched.empty())
     steps.push_back(left_step(untouched, "No interior edge or face could be split to help ",
                               ": those in question are fixed or flat, or have room already." + ended));
+}
+
+/// With Repair::Topology: changes how the elements around those that are left are connected, and optimises the mesh
+/// from there. That may take as much work as all before. If the mesh is no better then, it is as it was.
+void swap_and_optimise(Result& result, const Options& options, RunSequence& runs) {
+  Result swapped = result;
+  const auto note = [&](std::int64_t wanted) { runs.note_groups(wanted); };
+  if (!swap_left(swapped, options, runs.token(), note)) return;
+  const Asked asked = asked_by(options);
+  runs.end_rounds(std::max(kLeastWork, runs.work()));
+  if (runs.may_go_on()) {
+    std::optional<Result> again = runs.run(swapped.mesh);
+    if (again && is_better(merit_of(again->after), merit_of(swapped.after), asked)) {
+      again->repairs = std::move(swapped.repairs);
+      again->notes.clear();
+      swapped = std::move(*again);
+    }
+  }
+  if (is_better(merit_of(swapped.after), merit_of(result.after), asked)) result = std::move(swapped);
 }
 
 /// The quality of the mesh as it came. The token may stop the run meanwhile.
@@ -251,8 +281,9 @@ Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteratio
     else if (split && !runs.stopped())
       best->repairs.push_back(left_unsplit(*split, *best));
   }
+  if (options.repair == Repair::Topology && !runs.stopped()) swap_and_optimise(*best, options, runs);
   best->before = std::move(before);
-  say_what_is_left(*best, runs.stopped(), out_of_work);
+  say_what_is_left(*best, options.repair, runs.stopped(), out_of_work);
   runs.finish(*best);
   return std::move(*best);
 }

@@ -1,4 +1,5 @@
-// Optimising with --repair split: makes room by splits where the boundary leaves none, and optimises from there.
+// Optimising with --repair split or topology: makes room by splits where the boundary leaves none, and optimises from
+// there.
 #pragma once
 
 #include "core/base/stop_token.h"
@@ -7,7 +8,8 @@
 
 namespace varimesh {
 
-/// The free function optimise() for Repair::Split. The mesh has passed check_structure() and needs no change of order.
+/// The free function optimise() for Repair::Split and Repair::Topology. The mesh has passed check_structure() and needs
+/// no change of order.
 ///
 /// 1. Optimises the mesh without a split by at most forty Newton steps, without untangling. A mesh that is certified
 ///    valid is optimised as with Repair::Report, and that is the result.
@@ -18,6 +20,9 @@ namespace varimesh {
 /// 4. If elements are left that are not certified valid: in the mesh as it was before step 3, splits the groups at
 ///    their corners with J ≤ 0 whatever their margin. Then step 3 starts again. There are at most four such rounds, and
 ///    a round that leaves no fewer elements that a split might help is the last.
+///
+/// 5. With Repair::Topology: swaps and collapses edges and faces around what is left (swap_left.h), and optimises
+/// again.
 ///
 /// The best mesh of these is kept, by what the options ask for (core/merit/merit.h). If it has uncertified elements
 /// without a folded boundary face, the mesh is also optimised without a split. If that, or step 1, leaves no more of

@@ -39,7 +39,7 @@ TEST(OptionTable, HasAWordForEachValueOfAnEnum) {
     return member.words.back();
   };
   EXPECT_EQ(last_word("energy", [](Options& o) { o.energy = Energy::Distortion; }), "distortion");
-  EXPECT_EQ(last_word("repair", [](Options& o) { o.repair = Repair::Refine; }), "refine");
+  EXPECT_EQ(last_word("repair", [](Options& o) { o.repair = Repair::Topology; }), "topology");
   EXPECT_EQ(last_word("target", [](Options& o) { o.target = Target::Strain; }), "strain");
   EXPECT_EQ(last_word("method", [](Options& o) { o.method = Method::Newton; }), "newton");
   EXPECT_EQ(last_word("until", [](Options& o) { o.until = Until::Valid; }), "valid");
