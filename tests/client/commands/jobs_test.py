@@ -47,7 +47,11 @@ class Jobs(WithServer):
     def test_the_beginning_of_a_name_is_enough(self):
         job = self.remote("submit", MESH, "--label", "for=short").stdout.strip()
         others = [entry["job"] for entry in json.loads(self.remote("jobs", "--json").stdout)["jobs"] if entry["job"] != job]
-        short = next(job[:n] for n in range(6, len(job)) if not any(other.startswith(job[:n]) for other in others))
+
+        def shortest():
+            return next(job[:n] for n in range(6, len(job)) if not any(other.startswith(job[:n]) for other in others))
+
+        short = shortest()
         for name in (short, short.removeprefix("jobs/")):
             self.assertEqual(self.remote("watch", name, "--quiet").returncode, 0)
         waited = self.remote("wait", short, job)
@@ -60,7 +64,7 @@ class Jobs(WithServer):
         refused = self.remote("cancel", twice)
         self.assertEqual(refused.returncode, 2, refused.stderr)
         self.assertRegex(refused.stderr, rf"jobs have names that begin with '{twice}', such as .*; write more of the name")
-        self.assertEqual(self.remote("delete", short).returncode, 0)
+        self.assertEqual(self.remote("delete", shortest()).returncode, 0)
         self.assertIn("There is no job", self.remote("cancel", job).stderr)
 
     def test_a_table_on_a_terminal_is_as_wide_as_the_terminal(self):
