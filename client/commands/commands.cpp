@@ -14,7 +14,7 @@ namespace {
 constexpr std::array<std::string_view, 3> kHarmlessTogether{"doctor", "completion", "man"};
 
 /// The same actions, which refuse to run in one of several processes that were started together.
-Actions alone(Actions actions) {
+Actions for_one_process(Actions actions) {
   for (auto& [name, action] : actions)
     if (std::ranges::find(kHarmlessTogether, name) == kHarmlessTogether.end())
       action = [action = std::move(action)] {
@@ -52,7 +52,7 @@ Actions list(Command program, const QualityRun& quality) {
 
 }  // namespace
 
-Actions add_commands(Command program) { return alone(list(program, quality_of_file)); }
+Actions add_commands(Command program) { return for_one_process(list(program, quality_of_file)); }
 
 Actions add_commands_of_ranks(Command program, const QualityRun& quality) {
   Actions actions = list(program, quality);

@@ -28,10 +28,11 @@ std::vector<std::pair<std::int32_t, std::int32_t>> coincident_nodes(const HighOr
 /// boundary. The mesh must have passed check_structure(), and `facets` are its facets. Call it inside team.run().
 std::vector<std::string> loose_parts(const HighOrderMesh& mesh, const Facets& facets, const Team& team);
 
-/// All of these but the last, for which the cells at the boundary and those at the elements of one dimension less are
-/// enough.
+/// The same without the sentence about nodes that no cell has. For these, the cells at the boundary and at the elements
+/// of one dimension less are enough.
 std::vector<std::string> loose_boundary(const HighOrderMesh& mesh, const Facets& facets, const Team& team);
-/// The last, for `count` nodes, the first of which has this number; empty if there are none.
+/// The sentence about nodes that no cell has. `count` is how many there are, and `first` the number of the first; empty
+/// if there are none.
 std::string lone_nodes_text(std::int64_t count, std::int64_t first);
 
 }  // namespace varimesh

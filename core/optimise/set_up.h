@@ -39,9 +39,9 @@ struct SetUp {
   ColouredNodes coloured;
   std::vector<Stage> stages;
   Objective given_objective = Objective::Auto;  ///< That of the options that were given.
-  bool leaves_the_way_open = false;  ///< What leaves_the_way_open() says about the options that were given.
-  bool is_spent = false;             ///< Its tables were freed for attempts (attempts.h).
-  double seconds = 0;                ///< What the set-up took. The first run counts it as its own and sets it to 0.
+  bool leaves_the_way_open = false;             ///< What leaves_the_way_open() says about the options that were given.
+  bool is_spent = false;                        ///< Its tables were freed for attempts (attempts.h).
+  double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
 };
 
 /// Checks the options, turns clockwise cells, changes the order if asked to, colours the nodes and prepares the tables,

@@ -52,8 +52,8 @@ CellPatch take_patch(const HighOrderMesh& whole, const Cells& all, std::span<con
 /// around them (core/mesh/changes/simplex_blend.h). Other nodes stay.
 CellPatch changed(const CellPatch& patch, const CellChange& change);
 
-/// Puts patches that share no node that they may move back into the mesh from which they were taken: nodes that have
-/// moved, and new cells and nodes. New cells come last in their block, new nodes last in the mesh, with numbers above
+/// Writes patches into the mesh from which they were taken: the nodes that have moved, and the new cells and nodes. No
+/// two patches share a cell. New cells come last in their block, new nodes last in the mesh, with numbers above
 /// the highest there is. Nodes that no cell has any more go, and so do fields in sections that VariMesh does not use,
 /// because they have no values for what is new. Adds a step for each change.
 void put_back(HighOrderMesh& whole, std::span<const CellPatch> patches, std::vector<RepairStep>& steps);

@@ -16,9 +16,11 @@ namespace varimesh {
 struct SwapTask {
   const Options& options;  ///< Which nodes are fixed, and how many threads there are.
   double aim = 0;  ///< Cells with a smaller scaled Jacobian are wanted too; 0: only those that are not certified.
-  /// Numbers of elements, in ascending order. Nothing is done for the first, whose boundary face folds. The others are
-  /// valid nowhere with the neighbours that they have, so that movement around them does not wait for them.
-  std::vector<std::int64_t> hopeless, stuck;
+  /// Numbers of elements with a folded boundary face, in ascending order. Nothing is tried for them.
+  std::vector<std::int64_t> hopeless;
+  /// Numbers of elements that no movement makes valid, in ascending order. Changes are tried for them. While others
+  /// around are raised, they do not count.
+  std::vector<std::int64_t> stuck;
   /// Called before each pass with the number of wanted cells; may be empty.
   std::function<void(std::int64_t wanted)> on_pass;
 };

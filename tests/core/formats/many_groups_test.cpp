@@ -2,26 +2,14 @@
 // nobody looks at a cancel while a mesh is written.
 #include <gtest/gtest.h>
 
-#include <ctime>
-#include <functional>
 #include <numeric>
 
 #include "core/formats/formats.h"
 #include "tests/core/support/meshes.h"
+#include "tests/core/support/processor_seconds.h"
 
 namespace varimesh::formats {
 namespace {
-
-/// Processor seconds of the fastest of three tries.
-double seconds(const std::function<void()>& work) {
-  double least = 1e9;
-  for (int i = 0; i < 3; ++i) {
-    const std::clock_t begun = std::clock();
-    work();
-    least = std::min(least, double(std::clock() - begun) / CLOCKS_PER_SEC);
-  }
-  return least;
-}
 
 /// A square that is in this many groups, each with a name.
 HighOrderMesh square_in(int groups) {
@@ -52,7 +40,8 @@ class Writing : public ::testing::TestWithParam<Format> {};
 TEST_P(Writing, TakesTimeThatGrowsWithTheNumberOfGroups) {
   const auto time = [&](int groups) {
     const HighOrderMesh mesh = square_in(groups);
-    return seconds([&] { ASSERT_TRUE(write(mesh, GetParam(), [](std::string_view) { return true; })); });
+    return testing::processor_seconds(
+        [&] { ASSERT_TRUE(write(mesh, GetParam(), [](std::string_view) { return true; })); });
   };
   const double few = time(10'000);
   EXPECT_LT(time(80'000), 24 * few) << "8 times the number; its square takes 64 times as long";
@@ -64,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, Writing,
 TEST(Reading, TakesTimeThatGrowsWithTheNumberOfSets) {
   const auto time = [](int count) {
     const std::string bytes = squares_in_sets(count);
-    return seconds([&] {
+    return testing::processor_seconds([&] {
       const auto file = read(bytes);
       ASSERT_TRUE(file) << file.error().sentence;
       ASSERT_EQ(file->mesh.physical_groups.size(), std::size_t(count));

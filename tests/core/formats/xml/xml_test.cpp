@@ -4,11 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <ctime>
-#include <functional>
 #include <string>
 
 #include "core/formats/common/file_allowance.h"
+#include "tests/core/support/processor_seconds.h"
 
 namespace varimesh::formats {
 namespace {
@@ -27,17 +26,6 @@ class Visitor : public XmlVisitor {
   std::size_t longest = 0;
   std::pair<std::string, XmlText> last;
 };
-
-/// Processor seconds of the fastest of three tries.
-double seconds(const std::function<void()>& work) {
-  double least = 1e9;
-  for (int i = 0; i < 3; ++i) {
-    const std::clock_t begun = std::clock();
-    work();
-    least = std::min(least, double(std::clock() - begun) / CLOCKS_PER_SEC);
-  }
-  return least;
-}
 
 TEST(Xml, HasTagsAndCommentsOfAnyLengthAndKnowsWhereTextIs) {
   for (const std::size_t size : {std::size_t(1), std::size_t(65'530), std::size_t(200'000), std::size_t(3'000'000)}) {
@@ -60,11 +48,11 @@ TEST(Xml, TakesTimeThatGrowsWithTheLengthOfATagAndNotWithItsSquare) {
   const auto time = [](std::size_t size) {
     const std::string filler(size, 'x'), tag = "<a b='" + filler + "'/>", comment = "<!--" + filler + "--><a/>";
     const FileAllowance allowance(size);
-    return std::pair(seconds([&] {
+    return std::pair(testing::processor_seconds([&] {
                        Visitor visitor;
                        walk_xml(tag, visitor, allowance);
                      }),
-                     seconds([&] { without_comments(comment, "b", allowance); }));
+                     testing::processor_seconds([&] { without_comments(comment, "b", allowance); }));
   };
   const auto [tag, comment] = time(std::size_t(4) << 20);
   const auto [long_tag, long_comment] = time(std::size_t(32) << 20);
