@@ -1,8 +1,8 @@
 """Puts the Python package, varimeshd and what both need into a wheel. deploy/make-wheel calls it:
 
-    bundle_wheel.py PACKAGE VARIMESHD OUT [HDF5]
+    bundle_wheel.py PACKAGE VARIMESHD OUT [PROGRAM…]
 
-PACKAGE is the built package, OUT the folder for the wheel, HDF5 the program varimesh_hdf5. The files come from Debian packages of this machine, and the
+PACKAGE is the built package, OUT the folder for the wheel, PROGRAM one more program that goes into it. The files come from Debian packages of this machine, and the
 copyright file of each package goes into the wheel.
 """
 import re

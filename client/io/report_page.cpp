@@ -36,10 +36,34 @@ bool readable(v1::MeshFormat format) {
   return info != infos.end() && info->readable && (!hdf5 || formats::has_hdf5());
 }
 
+/// Whether a mesh is in messages, from a program that has it in arrays. Only the service reads these.
+bool is_parts(v1::MeshFormat format) { return format == v1::MESH_FORMAT_PARTS; }
+
+/// Has the service write a mesh as an MSH file, in a job that judges it, and fetches the file.
+Outcome<void> fetch_as_msh(Client* client, const v1::StoredMesh& stored, const std::filesystem::path& file) {
+  v1::JobSpec spec;
+  spec.mutable_quality();
+  spec.mutable_mesh()->set_digest(stored.digest());
+  spec.mutable_mesh()->set_format(stored.format());
+  spec.add_outputs(v1::MESH_FORMAT_MSH41_BINARY);
+  const auto job = client->submit(spec);
+  if (!job) return tl::unexpected(job.error());
+  const auto ended = client->watch(job->name(), 0, [](const v1::JobEvent&) { return true; });
+  if (!ended) return tl::unexpected(ended.error());
+  const auto written =
+      ended->results_size() > 0
+          ? client->download(ended->results(0), file)
+          : Outcome<void>(file_failure(
+                "The service could not write the mesh for the report: " + ended->error().message(), "BAD_INPUT"));
+  if (const auto removed = client->remove(job->name()); written && !removed) return removed;
+  return written;
+}
+
 /// Fetches a mesh from the server by way of the temporary file `file`.
 Outcome<std::shared_ptr<const HighOrderMesh>> fetch_mesh(Client* client, const v1::StoredMesh& stored,
                                                          const std::filesystem::path& file) {
-  if (const auto done = client->download(stored, file); !done) return tl::unexpected(done.error());
+  const auto done = readable(stored.format()) ? client->download(stored, file) : fetch_as_msh(client, stored, file);
+  if (!done) return tl::unexpected(done.error());
   auto read = formats::read_file(file);
   std::filesystem::remove(file);
   if (!read) return file_failure(read.error().sentence, "BAD_INPUT");
@@ -51,6 +75,7 @@ Outcome<std::shared_ptr<const HighOrderMesh>> fetch_before(Client* client, const
                                                            const std::filesystem::path& file) {
   v1::StoredMesh stored;
   stored.set_digest(job.spec().mesh().digest());
+  stored.set_format(job.spec().mesh().format());
   auto before = fetch_mesh(client, stored, file);
   const int order = std::max(job.spec().options().order(), job.spec().geometry().order());
   if (!before || order == 0) return before;
@@ -75,9 +100,12 @@ void show_in_its_plane(Report* report) {
 
 /// Sets the report's meshes, or the sentence that says why there are none.
 Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
-  const auto result = std::find_if(job.results().begin(), job.results().end(),
-                                   [](const v1::StoredMesh& one) { return readable(one.format()); });
-  if (!readable(job.spec().mesh().format()) || result == job.results().end()) {
+  const auto& results = job.results();
+  const auto has = [](auto may) { return [may](const v1::StoredMesh& one) { return may(one.format()); }; };
+  auto result = std::find_if(results.begin(), results.end(), has(readable));
+  if (result == results.end()) result = std::find_if(results.begin(), results.end(), has(is_parts));
+  const v1::MeshFormat input = job.spec().mesh().format();
+  if (!(readable(input) || is_parts(input)) || result == results.end()) {
     report->picture_note =
         "There is no picture, because the input or every result of this job has a format that cannot be read here. "
         "Submit an MSH file, and request one among the outputs.";

@@ -16,8 +16,9 @@ namespace varimesh::client {
 /// is added. `report` is the path of the report; empty: there is no report, and nothing is added.
 std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> formats, const std::string& report);
 
-/// Fetches the meshes before and after, the history and the server's version, and writes the page to `path`. If the
-/// meshes are in formats that cannot be read, the page says so and has no picture.
+/// Fetches the meshes before and after, the history and the server's version, and writes the page to `path`. The
+/// service turns meshes from arrays into files, whose elements have numbers from 1. If the meshes are in other formats
+/// that cannot be read here, the page says so and has no picture.
 /// @param input  the name of the mesh; empty: not known
 /// Failures: those of the client; File if the page cannot be written.
 Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path);

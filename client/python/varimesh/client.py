@@ -10,12 +10,12 @@ from typing import Any, TypeAlias, Unpack
 
 import grpc
 
-from . import reports, transfer
+from . import pages, reports, transfer
 from .adapters import as_mesh
 from .connection import Connection, Patience, Stop, default_address, find_credentials, find_token
-from .errors import BadOption, BadOutput, JobCancelled, JobFailed, Stopped
+from .errors import BadMesh, BadOption, JobCancelled, JobFailed, Stopped
 from .job import Job, Result
-from .mesh import Mesh, to_parts
+from .mesh import Mesh, from_parts, to_parts
 from .names import spellings, suggestion
 from .numbering import OF_FILES, Numbering
 from .options import Geometry, Layers, Options, numbered_from_one, to_message
@@ -54,12 +54,23 @@ class Client:
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
         if address is None:
             address = default_address()
+        token = find_token(token, token_file)
+        # What lets the command call the same server; gRPC's objects cannot be handed on.
+        self._for_command: dict[str, str | None] | None = None
         if credentials is None and channel is None:
+            self._for_command = {"VARIMESH_SERVER": address, "VARIMESH_TOKEN": token or None, "VARIMESH_TOKEN_FILE": None}
+            files = {"AUTHORITY": authority, "CERTIFICATE": certificate, "KEY": key}
+            if any(files.values()):
+                self._for_command |= {"VARIMESH_TLS_" + name: None if file is None else os.fspath(file)
+                                      for name, file in files.items()}  # fmt: skip
             credentials = find_credentials(address, authority, certificate, key)
         self.address = address = plain_address(address)
-        self._connection = Connection(address, find_token(token, token_file), credentials, connect, retry, channel)
+        self._connection = Connection(address, token, credentials, connect, retry, channel)
         self._jobs = service_pb2_grpc.JobServiceStub(self._connection.control)  # type: ignore[no-untyped-call]
         self._meshes = service_pb2_grpc.MeshServiceStub(self._connection.bulk)  # type: ignore[no-untyped-call]
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.address}>"
 
     def close(self) -> None:
         """Closes the connection. Jobs continue."""
@@ -82,7 +93,7 @@ class Client:
         """Optimises a mesh and waits for the result.
 
         `output` names files to write (.msh in `format`, .vtu, .mesh, .xml, .su2, .h5, .cgns,
-        .pyfrm). The result also has its mesh in arrays, unless
+        .pyfrm, or .html for a report). The result also has its mesh in arrays, unless
         `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
         For a mesh in arrays, numbers in options and reports count from 0. `geometry` is a CAD model on which boundary nodes
         slide first, on a server that takes geometries. `layers` says into which layers thick cells at walls are split in the
@@ -93,9 +104,11 @@ class Client:
         """
         paths = _paths(output)
         for path in paths:
-            _check_writable(path)
-        mesh = mesh if _is_path(mesh) else as_mesh(mesh)
-        wanted = [_format_of(path, format, _is_path(mesh) and _is_msh(mesh)) for path in paths]
+            transfer.check_writable(path)
+        mesh = mesh if _is_path(mesh) else self._as_mesh(mesh)
+        wanted = [_format_of(path, format, _is_path(mesh) and transfer.is_msh(mesh)) for path in paths if not pages.is_page(path)]
+        if len(wanted) < len(paths):
+            pages.find_command()  # before the work
         if arrays is not False:
             # A result in the format of the file keeps its numbers, which arrays do not have.
             wanted += ["as-read"] if _is_path(mesh) and all(one in reports.FORMAT_OF_ENDING.values() for one in wanted) else []
@@ -130,11 +143,11 @@ class Client:
         elements (.vtu: cell arrays, .msh: a physical group)."""
         paths = _paths(output)
         for path in paths:
-            _check_writable(path)
-        mesh = mesh if _is_path(mesh) else as_mesh(mesh)
-        wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh) and _is_msh(mesh)) for path in paths)
+            transfer.check_writable(path)
+        mesh = mesh if _is_path(mesh) else self._as_mesh(mesh)
+        wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh) and transfer.is_msh(mesh)) for path in paths)
         task = job_pb2.QualityTask(lattice=lattice, diagnose=diagnose or bool(paths))
-        job = self._submit_quality(task, mesh if _is_path(mesh) else as_mesh(mesh), [*wanted, "cell-quality"], threads)
+        job = self._submit_quality(task, mesh if _is_path(mesh) else self._as_mesh(mesh), [*wanted, "cell-quality"], threads)
         try:
             result = job.wait().result()
             for path in paths:
@@ -158,9 +171,9 @@ class Client:
         A repeat with the same `request_id` answers with the same job, so a script that gives one can safely run again.
         Without one, each call uses an id of its own when it repeats itself.
         """
-        arrays = None if _is_path(mesh) else as_mesh(mesh)
+        arrays = None if _is_path(mesh) else self._as_mesh(mesh)
         message = to_message(options if arrays is None else numbered_from_one(options))
-        labels = {**({} if arrays is not None else {"file": _file_label(mesh)}), **(labels or {})}
+        labels = {**({} if arrays is not None else {"file": transfer.file_label(mesh)}), **(labels or {})}
         spec = job_pb2.JobSpec(options=message, labels=labels, priority=priority,
                                outputs=[_format_number(name) for name in outputs])  # fmt: skip
         if geometry is not None:
@@ -205,7 +218,7 @@ class Client:
     def upload(self, mesh: MeshLike) -> str:
         """Uploads a mesh, unless the server has it already. Returns its digest."""
         if not _is_path(mesh):
-            return transfer.upload(self._connection, self._meshes, transfer.BytesSource(b"".join(to_parts(as_mesh(mesh)))))
+            return transfer.upload(self._connection, self._meshes, transfer.BytesSource(b"".join(to_parts(self._as_mesh(mesh)))))
         file = transfer.FileSource(mesh)
         try:
             return transfer.upload(self._connection, self._meshes, file)
@@ -233,6 +246,27 @@ class Client:
         return message
 
     # ===== for Job =====
+
+    def _as_mesh(self, source: MeshLike) -> Mesh:
+        return as_mesh(source, self._read_vtu)
+
+    def _read_vtu(self, file: bytes) -> Mesh:
+        """The mesh in the bytes of a VTU file."""
+        digest = transfer.upload(self._connection, self._meshes, transfer.BytesSource(file))
+        job = self._submit_quality(job_pb2.QualityTask(), mesh_pb2.MeshReference(digest=digest), ["parts"])
+        try:
+            return from_parts(self.download(job.wait().result()._digest("parts")))
+        except JobFailed as error:
+            raise BadMesh(error.sentence) from error
+        finally:
+            job.delete()
+
+    def _write_report(self, job: str, path: Path) -> None:
+        """Writes the report of a job that has a result, by the command."""
+        if self._for_command is None:
+            raise BadOption("The command that writes reports cannot be given gRPC's credentials or channel; give files, or run "
+                            f"'varimesh result {job} --report {os.fspath(path)}'.")  # fmt: skip
+        pages.write_report(job, path, self._for_command)
 
     def _submit_quality(self, task: job_pb2.QualityTask, mesh: MeshLike, outputs: Iterable[str], threads: int = 0) -> Job:
         """A job that judges a mesh: a file, a Mesh, or the reference of a mesh that the server has."""
@@ -338,40 +372,10 @@ def plain_address(address: str) -> str:
     return address if address.startswith("unix:") else address.rstrip("/")
 
 
-def _file_label(path: str | os.PathLike[str]) -> str:
-    """The name of a file as the value of a label, which has at most 128 bytes; a longer name loses its beginning."""
-    name = os.fsencode(os.path.basename(os.fspath(path))).decode("utf-8", "replace")
-    return name.encode()[-128:].decode("utf-8", "ignore")
-
-
-def _check_writable(path: str | os.PathLike[str]) -> None:
-    """Raises BadOutput if a file cannot be written, before any work is done."""
-    target = os.path.realpath(path)
-    folder = os.path.dirname(target)
-    if os.path.isdir(target):
-        raise BadOutput(f"{os.fspath(path)} is a folder; name a file in it.")
-    if not os.path.isdir(folder):
-        raise BadOutput(f"{os.fspath(path)} cannot be written: there is no folder {folder}; make it, or name another.")
-    if not os.access(target if os.path.exists(target) else folder, os.W_OK):
-        raise BadOutput(f"{os.fspath(path)} cannot be written: this user may not write there; name another place.")
-
-
 def _paths(output: Paths | None) -> list[str | os.PathLike[str]]:
     if output is None:
         return []
     return [output] if isinstance(output, (str, os.PathLike)) else list(output)
-
-
-def _is_msh(path: Any) -> bool:
-    """Whether a mesh file may be one of Gmsh's, so that a .msh may have its format. Nothing is read from a pipe."""
-    try:
-        if not os.path.isfile(path):
-            return True
-        with open(path, "rb") as file:
-            begin = file.read(4096).lstrip()
-            return not begin.startswith((b"MFEM ", b"<"))
-    except OSError:
-        return True
 
 
 def _format_of(path: str | os.PathLike[str], format: str | None, from_file: bool) -> str:

@@ -1,17 +1,20 @@
 """A job and its result."""
 from __future__ import annotations
 
+import contextlib
 import datetime
 import os
+import tempfile
 from collections.abc import Generator, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import notebook, reports
+from . import pages, reports
 from .adapters import to_meshio
-from .errors import BadOption
+from .errors import BadOption, VarimeshError
 from .numbering import Numbering
 from .mesh import Mesh, from_parts
 from .progress import Progress
@@ -136,6 +139,7 @@ class Result:
         self.history: NDArray[Any] = reports.history_of(iterations)
         self._mesh: Mesh | None = None
         self._quality: CellQuality | None = None
+        self._report: str | None = None
 
     def __repr__(self) -> str:
         after = self.metrics.after
@@ -158,9 +162,24 @@ class Result:
             self._quality = self._client._cell_quality(self._message, self.after, self._numbering)
         return self._quality
 
+    def report(self) -> str:
+        """The report as the text of a page in HTML: pictures of the mesh with a colour per element, the convergence, and all
+        figures. Needs the command `varimesh`."""
+        if self._report is None:
+            with tempfile.TemporaryDirectory(prefix="varimesh-") as folder:
+                path = Path(folder, "report.html")
+                self.save(path)
+                self._report = path.read_text(encoding="utf-8")
+        return self._report
+
     def _repr_html_(self) -> str:
-        """A picture of the histogram before and after, and the figures, for notebooks."""
-        return notebook.page(self)
+        """The report inside the notebook. If the mesh is large, or there is no command `varimesh`, only a picture of the
+        histogram before and after, and the figures."""
+        report = None
+        if self.metrics.elements <= pages.MOST_ELEMENTS:
+            with contextlib.suppress(VarimeshError):
+                report = self.report()
+        return pages.of_notebook(self, report)
 
     @property
     def valid(self) -> bool:
@@ -197,7 +216,11 @@ class Result:
 
     def save(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Writes a file in a format that was asked for: a .vtu or .mesh, or a .msh in `format`. Without `format`, a .msh
-        has the format in which the server has the result. The file takes its name only when it is complete."""
+        has the format in which the server has the result. A .html is the report (docs/report.md), which needs the command
+        `varimesh`. The file takes its name only when it is complete."""
+        if pages.is_page(path):
+            self._client._write_report(self.job, path)
+            return
         format = reports.FORMAT_OF_ENDING.get(os.path.splitext(path)[1].lower(), format)
         if format is None:
             format = next((name for name in self.formats if name.startswith("msh")), "msh41")

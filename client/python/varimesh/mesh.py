@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,7 +48,7 @@ def nodes_of(shape: str, order: int) -> int:
     return _NODES[shape](order)
 
 
-@dataclass
+@dataclass(repr=False)
 class Block:
     """Elements of one shape on one entity of the geometry."""
 
@@ -56,12 +57,16 @@ class Block:
     entity: int = 1
     physical: tuple[int, ...] = ()  # tags of the groups to which the elements belong
 
+    def __repr__(self) -> str:
+        groups = f" in group {', '.join(map(str, self.physical))}" if self.physical else ""
+        return f"<{len(self.nodes)} of shape {self.shape} on entity {self.entity}{groups}>"
+
     @property
     def dimension(self) -> int:
         return DIMENSION.get(self.shape, 3)
 
 
-@dataclass
+@dataclass(repr=False)
 class Mesh:
     """Nodes, elements and groups. Elements of one dimension less than the cells mark boundaries and interfaces."""
 
@@ -81,7 +86,7 @@ class Mesh:
     ) -> Mesh:
         """A mesh from nodes (n, 2) or (n, 3) and cells by shape, such as {"triangle": an array (m, k)}: node indices from 0,
         in Gmsh's order."""
-        xyz = np.asarray(nodes, dtype=np.float64)
+        xyz = _coordinates(nodes)
         if xyz.ndim != 2 or xyz.shape[1] not in (2, 3) or len(xyz) == 0:
             raise BadMesh(f"The nodes are an array of shape {xyz.shape}; give (n, 2) or (n, 3).")
         columns = xyz.shape[1]
@@ -91,9 +96,13 @@ class Mesh:
             row = int(np.flatnonzero(~np.isfinite(xyz).all(axis=1))[0])
             raise BadMesh(f"The coordinates of node {row} are not finite.")
         pairs = cells.items() if isinstance(cells, Mapping) else cells
-        blocks = [pair if isinstance(pair, Block) else Block(shape_name(pair[0]), _indices(*pair)) for pair in pairs]
+        blocks = [pair if isinstance(pair, Block) else Block(shape_name(pair[0]), indices(*pair)) for pair in pairs]
         blocks = [block for block in blocks if len(block.nodes)]
         return cls(np.ascontiguousarray(xyz), blocks, _check(blocks, len(xyz)), dict(groups or {}), columns=columns)
+
+    def __repr__(self) -> str:
+        shapes = ", ".join(f"{len(nodes)} {shape}" for shape, nodes in self.cells.items())
+        return f"<mesh of order {self.order} in {self.dimension}-D: {len(self.nodes)} nodes; cells: {shapes}>"
 
     @property
     def dimension(self) -> int:
@@ -114,11 +123,27 @@ class Mesh:
         return replace(self, nodes=np.asarray(nodes, dtype=np.float64))
 
 
-def _indices(shape: str, nodes: ArrayLike) -> NDArray[np.int32]:
-    array = np.asarray(nodes)
-    if array.dtype.kind == "O":  # rows of lists, as other programs have them
-        with suppress(TypeError, ValueError):
-            array = np.array([list(row) for row in array])
+def _rows(values: ArrayLike) -> NDArray[Any]:
+    """The values as an array of numbers if they are one, or if their rows are, as other programs have them."""
+    with suppress(TypeError, ValueError):  # rows of several lengths
+        array = np.asarray(values)
+        if array.dtype.kind != "O":
+            return array
+    with suppress(TypeError, ValueError):
+        return np.array([list(row) for row in values])  # type: ignore[union-attr, arg-type]
+    return np.empty((), dtype=object)
+
+
+def _coordinates(nodes: ArrayLike) -> NDArray[np.float64]:
+    array = _rows(nodes)
+    if array.dtype.kind not in "iuf":
+        raise BadMesh("The nodes are not an array of numbers; give (n, 2) or (n, 3).")
+    return array.astype(np.float64)
+
+
+def indices(shape: str, nodes: ArrayLike) -> NDArray[np.int32]:
+    """The nodes of cells of a shape, from an array of integers or from rows of lists. BadMesh if they are neither."""
+    array = _rows(nodes)
     if array.ndim != 2 or (array.size and array.dtype.kind not in "iu"):
         raise BadMesh(f"The nodes of {shape} are {array.dtype} of shape {array.shape}; give integers (elements, nodes).")
     return array.astype(np.int32)

@@ -38,7 +38,7 @@ class Accuracy:
     modal_parts: NDArray[np.float64]  # parts of the cells' maps by degree, from degree 2 to the order of the mesh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Quality:
     """The quality of a whole mesh. proto/varimesh/v1/quality.proto describes the fields."""
 
@@ -53,8 +53,13 @@ class Quality:
     clockwise_elements: int
     clockwise: NDArray[np.int64]  # numbers of the cells that are numbered clockwise; at most 1000
 
+    def __repr__(self) -> str:
+        valid, left = self.certified.valid, self.certified.invalid + self.certified.undecided
+        return (f"<quality: scaled Jacobian at least {self.min_scaled_jacobian:.4f}, {self.mean_scaled_jacobian:.4f} on average; "
+                f"{valid} of {valid + left} cells certified valid>")  # fmt: skip
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class CellQuality(Quality):
     """The quality of a mesh and of each of its cells. The arrays have one entry per cell, in the mesh's order."""
 
@@ -153,7 +158,7 @@ class SlideTrial:
     error: str  # if it failed: why
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Metrics:
     """The result of a job in figures."""
 
@@ -179,6 +184,9 @@ class Metrics:
     geometry: GeometryReport | None = None  # only if the job has a CAD model; `before` is then the mesh that has slid
     slide_trials: tuple[SlideTrial, ...] = ()  # the other ways to slide that were tried, in order
     layers: LayersReport | None = None  # only if thick cells were split into layers, whose quality is `after` then
+
+    def __repr__(self) -> str:
+        return f"<metrics of {self.elements} elements: {self.stop_reason}; before {self.before}, after {self.after}>"
 
     @property
     def remedies(self) -> tuple[str, ...]:
@@ -215,7 +223,7 @@ class Work:
     groups_left: int | None  # without room, found by the last look for splits; None before any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Event:
     """One thing that happened to a job. One of state, iteration, quality (with stage), log, slide_trial and work is set.
     `work` comes at most ten times per second and is not kept. None is set in a bookmark, which only shows that the server
@@ -233,6 +241,11 @@ class Event:
     work: Work | None = None
     slide_trial: SlideTrial | None = None  # another way to slide begins or has ended
 
+    def __repr__(self) -> str:
+        kinds = ("state", "iteration", "quality", "log", "work", "slide_trial")
+        what = next((value for kind in kinds if (value := getattr(self, kind)) is not None), "bookmark")
+        return f"<event {self.sequence}: {what}>"
+
 
 @dataclass(frozen=True)
 class ServerInfo:
@@ -249,6 +262,7 @@ class ServerInfo:
     running_jobs: int
     takes_geometries: bool  #: whether boundary nodes may slide on CAD models in jobs of this server
     takes_layers: bool  #: whether jobs of this server split thick cells into layers
+
 
 
 def state_name(number: int) -> str:
@@ -371,10 +385,8 @@ def event_of(message: job_pb2.JobEvent, numbering: Numbering = OF_FILES) -> Even
     elif kind == "bookmark" and message.bookmark.HasField("work"):
         work = message.bookmark.work
         groups = work.groups_left if work.HasField("groups_left") else None
-        activity = spelled(job_pb2.Work.Activity.DESCRIPTOR, work.activity)
-        what["work"] = Work(activity, work.done, work.of, groups)
-    time = message.time.ToDatetime(tzinfo=datetime.timezone.utc)
-    return Event(message.sequence, message.attempt, time, message.thinned, **what)
+        what["work"] = Work(spelled(job_pb2.Work.Activity.DESCRIPTOR, work.activity), work.done, work.of, groups)
+    return Event(message.sequence, message.attempt, message.time.ToDatetime(tzinfo=datetime.timezone.utc), message.thinned, **what)
 
 
 def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:

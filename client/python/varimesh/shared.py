@@ -1,18 +1,22 @@
 """optimise() and quality() without a client: they share one, which is made at the first call."""
 from __future__ import annotations
 
+import functools
+import inspect
 import os
 import threading
-from typing import Any
+from collections.abc import Callable
+from typing import Concatenate, ParamSpec, TypeVar
 
-from .client import Client, MeshLike
-from .job import Result
+from .client import Client
 from .local import local
-from .reports import CellQuality
 
 _lock = threading.Lock()
 _client: Client | None = None
 _owner = 0  # the process that made the client; a fork needs its own
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def shared_client() -> Client:
@@ -26,14 +30,20 @@ def shared_client() -> Client:
         return _client
 
 
-def optimise(mesh: MeshLike, output: Any = None, **arguments: Any) -> Result:
-    """As Client.optimise(), with the shared client."""
-    return shared_client().optimise(mesh, output, **arguments)
+def _with_shared_client(method: Callable[Concatenate[Client, P], T]) -> Callable[P, T]:
+    """The method of Client as a function that calls it with the shared client: same arguments, types and help."""
+
+    @functools.wraps(method)
+    def call(*arguments: P.args, **keywords: P.kwargs) -> T:
+        return method(shared_client(), *arguments, **keywords)
+
+    signature = inspect.signature(method)
+    own = list(signature.parameters.values())[1:]  # without self
+    call.__signature__ = signature.replace(parameters=own)  # type: ignore[attr-defined]
+    call.__doc__ = f"As Client.{method.__name__}(), with the shared client. {method.__doc__}"
+    return call
 
 
-def quality(mesh: MeshLike, **arguments: Any) -> CellQuality:
-    """As Client.quality(), with the shared client."""
-    return shared_client().quality(mesh, **arguments)
-
-
+optimise = _with_shared_client(Client.optimise)
 optimize = optimise
+quality = _with_shared_client(Client.quality)

@@ -1,4 +1,4 @@
-"""Uploads and downloads of meshes. They resume at the place where a connection broke."""
+"""Uploads and downloads of meshes, and the files of both. Transfers resume at the place where a connection broke."""
 from __future__ import annotations
 
 import hashlib
@@ -9,12 +9,12 @@ import threading
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO, Any, Protocol
 
 import grpc
 
 from .connection import Connection, Patience, Stop
-from .errors import ServerUnreachable
+from .errors import BadOutput, ServerUnreachable
 from .v1 import service_pb2, service_pb2_grpc
 
 CHUNK = 256 * 1024
@@ -169,3 +169,36 @@ def write_file(path: str | os.PathLike[str], fill: Callable[[Callable[[bytes], o
     except BaseException:
         os.unlink(beside.name)
         raise
+
+
+# ===== files =====
+
+
+def file_label(path: str | os.PathLike[str]) -> str:
+    """The name of a file as the value of a label, which has at most 128 bytes; a longer name loses its beginning."""
+    name = os.fsencode(os.path.basename(os.fspath(path))).decode("utf-8", "replace")
+    return name.encode()[-128:].decode("utf-8", "ignore")
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Raises BadOutput if a file cannot be written, before any work is done."""
+    target = os.path.realpath(path)
+    folder = os.path.dirname(target)
+    if os.path.isdir(target):
+        raise BadOutput(f"{os.fspath(path)} is a folder; name a file in it.")
+    if not os.path.isdir(folder):
+        raise BadOutput(f"{os.fspath(path)} cannot be written: there is no folder {folder}; make it, or name another.")
+    if not os.access(target if os.path.exists(target) else folder, os.W_OK):
+        raise BadOutput(f"{os.fspath(path)} cannot be written: this user may not write there; name another place.")
+
+
+def is_msh(path: Any) -> bool:
+    """Whether a mesh file may be one of Gmsh's, so that a .msh may have its format. Nothing is read from a pipe."""
+    try:
+        if not os.path.isfile(path):
+            return True
+        with open(path, "rb") as file:
+            begin = file.read(4096).lstrip()
+            return not begin.startswith((b"MFEM ", b"<"))
+    except OSError:
+        return True

@@ -16,6 +16,27 @@ def fake_meshio(mesh):
         "gmsh:physical": [np.full(len(block.nodes), 4) for block in mesh.blocks]})
 
 
+# meshio's names of VTK's Lagrange cells, and of straight lines.
+LAGRANGE = {3: "line", 68: "VTK_LAGRANGE_CURVE", 69: "VTK_LAGRANGE_TRIANGLE", 70: "VTK_LAGRANGE_QUADRILATERAL",
+            71: "VTK_LAGRANGE_TETRAHEDRON", 72: "VTK_LAGRANGE_HEXAHEDRON", 73: "VTK_LAGRANGE_WEDGE"}
+
+
+def read_with_vtk(file):
+    """The grid of a VTU file, with pyvista's names."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(file))
+    reader.Update()
+    grid = reader.GetOutput()
+    cells = grid.GetCells()
+    return types.SimpleNamespace(
+        points=vtk_to_numpy(grid.GetPoints().GetData()).copy(), celltypes=vtk_to_numpy(grid.GetCellTypesArray()).copy(),
+        offset=vtk_to_numpy(cells.GetOffsetsArray()).copy(), cell_data={},
+        cell_connectivity=vtk_to_numpy(cells.GetConnectivityArray()).copy())
+
+
 class Form(support.WithServer):
     def test_an_object_with_points_and_cells_is_taken_as_a_mesh(self):
         start = self.client.optimise(MESH, max_iterations=0).mesh
@@ -31,12 +52,11 @@ class Form(support.WithServer):
         points = np.vstack([corners, *(corners[list(edge)].mean(axis=0) for edge in edges)])
         mesh = types.SimpleNamespace(points=points, cells=[("tetra10", [list(range(10))])])
         self.assertEqual(varimesh.from_meshio(mesh).blocks[0].nodes[0].tolist(), [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
-        mesh.cells = [("VTK_LAGRANGE_TRIANGLE", [[0, 1, 2]])]
+        mesh.cells = [("polyhedron4", [[0, 1, 2, 3]])]
         with self.assertRaises(varimesh.BadMesh):
             varimesh.from_meshio(mesh)
         with self.assertRaises(varimesh.BadMesh):
             self.client.optimise(42)
-
 
     def test_a_grid_of_vtk_cells_is_taken_as_a_mesh(self):
         points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], dtype=float)
@@ -50,9 +70,47 @@ class Form(support.WithServer):
         prism = types.SimpleNamespace(points=np.vstack([points, [[1, 0, 1]]]), celltypes=np.array([13]),
                                       offset=np.array([0, 6]), cell_connectivity=np.arange(6))
         self.assertEqual(varimesh.from_pyvista(prism).blocks[0].nodes.tolist(), [[0, 2, 1, 3, 5, 4]])
-        grid.celltypes = np.array([71, 71])
-        with self.assertRaisesRegex(varimesh.BadMesh, "VTK type 71 with 4 nodes"):
-            varimesh.from_pyvista(grid)
+        grid.celltypes = np.array([7, 7])
+        with self.assertRaisesRegex(varimesh.BadMesh, "type 7"):
+            self.client.quality(grid)
+
+    def test_serendipity_cells_of_meshio_become_complete_ones(self):
+        """A quadrilateral with eight nodes on the unit square; the ninth is in the middle."""
+        points = [[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0], [1, 0.5], [0.5, 1], [0, 0.5]]
+        like = types.SimpleNamespace(points=np.array(points, dtype=float), cells=[("quad8", [list(range(8))])])
+        mesh = self.client._as_mesh(like)
+        self.assertEqual(mesh.columns, 2)
+        np.testing.assert_allclose(mesh.nodes[mesh.cells["quadrilateral"][0][8]], [0.5, 0.5, 0], atol=1e-15)
+        result = self.client.optimise(like)
+        self.assertEqual(result.nodes.shape, (9, 2))
+        self.assertTrue(result.valid)
+
+
+class Vtk(support.WithServer):
+    """Grids as VTK has them in memory, for which pyvista is only a wrapper."""
+
+    def vtk_grid(self, case):
+        """A case as VTK has it in memory, through a VTU file of the command."""
+        file = self.folder / f"{case}.vtu"
+        self.client.quality(CASES / case, file)
+        return read_with_vtk(file)
+
+    def test_lagrange_cells_are_taken_as_the_server_reads_them(self):
+        """Cells of VTK give the mesh of the file from which VTK has them."""
+        for case in ("nine_triangles.msh", "annulus_p3.msh", "sphere_p3.msh", "thick_layer_p3.msh"):
+            with self.subTest(case):
+                grid = self.vtk_grid(case)
+                of_file = self.client.quality(CASES / case)
+                # The bytes of VTU files round nothing, so the figures are the same ones.
+                of_grid = self.client.quality(grid)
+                self.assertEqual(of_grid.min_scaled_jacobian, of_file.min_scaled_jacobian)
+                self.assertEqual(of_grid.certified.valid, of_file.certified.valid)
+                mesh = self.client._as_mesh(grid)
+                np.testing.assert_array_equal(mesh.nodes, grid.points)
+                blocks = [(LAGRANGE[kind], grid.cell_connectivity[first:last].reshape(1, -1))
+                          for kind, first, last in zip(grid.celltypes, grid.offset[:-1], grid.offset[1:])]
+                like = types.SimpleNamespace(points=grid.points, cells=blocks)
+                self.assertEqual(self.client.quality(like).min_scaled_jacobian, of_file.min_scaled_jacobian)
 
 
 class Pyvista(support.WithServer):
@@ -119,4 +177,4 @@ class Gmsh(support.WithServer):
 
 
 if __name__ == "__main__":
-    support.main(Meshio={"python3-meshio": "meshio"}, Pyvista={"pyvista (from PyPI)": "pyvista"}, Gmsh={"python3-gmsh": "gmsh"})
+    support.main(Vtk={"python3-vtk9": "vtkmodules"}, Meshio={"python3-meshio": "meshio"}, Pyvista={"pyvista (from PyPI)": "pyvista"}, Gmsh={"python3-gmsh": "gmsh"})

@@ -58,19 +58,37 @@ class Wheel(support.WithFolder):
 
 class Types(support.WithFolder):
     def test_mypy_accepts_the_package_and_finds_a_wrong_option(self):
+        """In the method and in the function without a client, which have the same types."""
         program = self.folder / "program.py"
         program.write_text("import varimesh\n"
                            "def f(client: varimesh.Client) -> float:\n"
+                           "    varimesh.optimise('in.msh', ['out.msh', 'r.html'], energy='winslow', progress=True).history\n"
+                           "    varimesh.quality('in.msh', lattice=3).scaled_jacobian\n"
                            "    return client.optimise('in.msh', energy='winslow').after.min_scaled_jacobian\n"
-                           "varimesh.Client('x').optimise('in.msh', energy='none')\n")
+                           "varimesh.Client('x').optimise('in.msh', energy='none')\n"
+                           "varimesh.optimise('in.msh', energy='none')\n"
+                           "varimesh.optimise('in.msh', enrgy='winslow')\n"
+                           "varimesh.quality('in.msh', lattice='3')\n")
         done = subprocess.run(["mypy", "--config-file", str(PACKAGE / "pyproject.toml"), "--cache-dir",
                                str(self.folder / "cache"), "-p", "varimesh"], cwd=PACKAGE, capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stdout)
         done = subprocess.run(["mypy", "--config-file", str(PACKAGE / "pyproject.toml"), "--cache-dir",
                                str(self.folder / "cache"), str(program)], cwd=PACKAGE, capture_output=True, text=True,
                               env={**os.environ, "MYPYPATH": str(PACKAGE)})
-        self.assertEqual(done.stdout.count("error:"), 1, done.stdout)
-        self.assertIn('program.py:4: error: Argument "energy"', done.stdout)
+        self.assertEqual(done.stdout.count("error:"), 4, done.stdout)
+        for line, what in ((6, 'Argument "energy"'), (7, 'Argument "energy"'), (8, 'Unexpected keyword argument "enrgy"'),
+                           (9, 'Argument "lattice"')):
+            self.assertIn(f"program.py:{line}: error: {what}", done.stdout)
+
+    def test_the_functions_without_a_client_have_the_signatures_of_the_methods(self):
+        import inspect
+
+        import varimesh
+
+        for function, method in ((varimesh.optimise, varimesh.Client.optimise), (varimesh.quality, varimesh.Client.quality)):
+            ours, theirs = inspect.signature(function), inspect.signature(method)
+            self.assertEqual(list(ours.parameters.values()), list(theirs.parameters.values())[1:])
+            self.assertEqual(ours.return_annotation, theirs.return_annotation)
 
 
 if __name__ == "__main__":

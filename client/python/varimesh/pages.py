@@ -1,19 +1,68 @@
-"""What a notebook shows of a result: a picture of the histogram and the figures, as HTML with an SVG inside."""
+"""HTML of a result: the report, which is the page that `varimesh result --report` writes, and what a notebook shows."""
 from __future__ import annotations
 
 import html
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import BadOutput, ServerUnreachable
 from .reports import Quality
 
 if TYPE_CHECKING:
     from .job import Result
 
+# The program of the wheel that deploy/make-wheel builds.
+_IN_WHEEL = Path(__file__).parent / "bin" / "varimesh"
+# Exit statuses of the command.
+_UNCERTIFIED, _NO_SERVER = 4, 5
+#: The report of a larger mesh is not shown without being asked for, because the notebook would have to keep it.
+MOST_ELEMENTS = 20_000
 _WIDTH, _HEIGHT, _BARS = 480, 150, 25
 _BEFORE, _AFTER = "#c9771b", "#2a6fb0"
+
+
+def is_page(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a report by its ending."""
+    return os.path.splitext(path)[1].lower() in (".html", ".htm")
+
+
+def find_command() -> str:
+    """The path of the command `varimesh`: from VARIMESH, in this package, or from PATH."""
+    found = os.environ.get("VARIMESH")
+    if not found and _IN_WHEEL.exists():
+        if not os.access(_IN_WHEEL, os.X_OK):  # not every installer keeps the permission
+            _IN_WHEEL.chmod(0o755)
+        found = str(_IN_WHEEL)
+    found = found or shutil.which("varimesh")
+    if not found:
+        raise BadOutput("The command 'varimesh' writes reports, and it is not here; install varimesh-client, or set VARIMESH to its "
+                        "path.")  # fmt: skip
+    return found
+
+
+def write_report(job: str, path: str | os.PathLike[str], environment: Mapping[str, str | None]) -> None:
+    """Writes the report of a job. `environment` says where its server is and what it must be shown; None: not set."""
+    around = {**os.environ, **{key: value for key, value in environment.items() if value is not None}}
+    for key, value in environment.items():
+        if value is None:
+            around.pop(key, None)
+    command = [find_command(), "result", job, "--report", os.fspath(path), "--quiet"]
+    done = subprocess.run(command, env=around, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
+    if done.returncode in (0, _UNCERTIFIED):
+        return
+    sentence = done.stderr.strip().removeprefix("varimesh: ") or f"{command[0]} ended with status {done.returncode}."
+    raise (ServerUnreachable if done.returncode == _NO_SERVER else BadOutput)(sentence)
+
+
+# ===== in a notebook =====
+
 
 
 def _heights(quality: Quality) -> NDArray[np.float64]:
@@ -42,8 +91,14 @@ def _picture(before: Quality, after: Quality) -> str:
             + f'<line x1="0" x2="{_WIDTH}" y1="{_HEIGHT}" y2="{_HEIGHT}" stroke="currentColor"/>{ticks}</svg>')  # fmt: skip
 
 
-def page(result: Result) -> str:
-    """The HTML of a result."""
+def framed(report: str) -> str:
+    """The report as a part of another page. It may run its own scripts, and touches nothing outside."""
+    return (f'<iframe title="Report of the mesh" sandbox="allow-scripts" srcdoc="{html.escape(report)}" '
+            'style="width:100%;height:720px;border:1px solid #ccc"></iframe>')  # fmt: skip
+
+
+def of_notebook(result: Result, report: str | None = None) -> str:
+    """The HTML of a result; `report`: its report, if that is to be shown too."""
     before, after, metrics = result.before, result.after, result.metrics
     rows = (
         ("smallest scaled Jacobian", f"{before.min_scaled_jacobian:.4f}", f"{after.min_scaled_jacobian:.4f}"),
@@ -53,10 +108,11 @@ def page(result: Result) -> str:
         ("undecided", str(before.certified.undecided), str(after.certified.undecided)),
     )
     table = "".join(f"<tr><td>{name}</td><td>{one}</td><td>{other}</td></tr>" for name, one, other in rows)
+    picture = "" if report is None else framed(report)
     how = html.escape(f"{metrics.elements} elements, {metrics.iterations} iterations in {metrics.seconds:.3g} s, "
                       f"{metrics.stop_reason}")  # fmt: skip
     return (f"<div><div><b>{html.escape(result.job)}</b>: {how}</div>"
             "<div>Cells by scaled Jacobian (square root of their number): "
             f'<span style="color:{_BEFORE}">before</span>, <span style="color:{_AFTER}">after</span></div>'
             f"{_picture(before, after)}"
-            f"<table><tr><th></th><th>before</th><th>after</th></tr>{table}</table></div>")  # fmt: skip
+            f"<table><tr><th></th><th>before</th><th>after</th></tr>{table}</table>{picture}</div>")  # fmt: skip
