@@ -8,6 +8,7 @@
 #include "client/commands/commands.h"
 #include "client/mpi/quality_of_ranks.h"
 #include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
 #include "core/mpi/mpi_ranks.h"
 
 namespace {
@@ -36,6 +37,8 @@ int main(int argc, char** argv) {
     std::cout.rdbuf(&nowhere);
     std::cerr.rdbuf(&nowhere);
   }
+  // If one rank ends with a sentence, mpirun interrupts the others, and they have nothing to add.
+  client::say_nothing_of_interrupts();
   const auto quality = [&](const client::QualityArguments& arguments) {
     try {
       return client::quality_of_ranks(arguments, session.ranks());
@@ -50,5 +53,9 @@ int main(int argc, char** argv) {
       argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality); });
   std::cout.rdbuf(standard_output);
   std::cerr.rdbuf(standard_error);
-  return status;
+  // mpirun ends all ranks if one of them fails, and could end the first one before it has said why. So the first one
+  // alone returns the status of all.
+  double highest = status;
+  session.ranks().largest({&highest, 1});
+  return session.ranks().is_first() ? static_cast<int>(highest) : 0;
 }

@@ -16,11 +16,12 @@ namespace {
 std::atomic<int> first_signal = 0;  // 0: there has been none
 std::atomic<bool> first_ends = false;
 std::atomic<bool> calls_go_on = false;
+std::atomic<bool> says_nothing = false;
 
 [[noreturn]] void end_at_once() {
   remove_temporary_files();
   constexpr char message[] = "varimesh: interrupted\n";
-  (void)!::write(STDERR_FILENO, message, sizeof message - 1);
+  if (!says_nothing) (void)!::write(STDERR_FILENO, message, sizeof message - 1);
   _exit(kInterrupted);
 }
 
@@ -30,6 +31,7 @@ bool interrupted() { return first_signal != 0; }
 bool interrupted_by_user() { return first_signal == SIGINT; }
 bool interrupt_ends_calls() { return interrupted() && !calls_go_on; }
 void keep_calls_going() { calls_go_on = true; }
+void say_nothing_of_interrupts() { says_nothing = true; }
 
 void catch_interrupts() {
   // A thread waits for the signals, because a signal handler must not do what is needed here. All threads that are

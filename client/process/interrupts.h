@@ -21,6 +21,9 @@ void keep_calls_going();
 /// From now on the first interrupt ends the process too. For commands that have nothing to put in order.
 void end_at_first_interrupt();
 
+/// From now on a process that an interrupt ends at once says nothing of it.
+void say_nothing_of_interrupts();
+
 /// While this object lives, the first interrupt ends the process, or at once if there has been one. For a part of a
 /// command that looks at no interrupts and leaves nothing that is worth keeping.
 class EndAtInterrupt {
