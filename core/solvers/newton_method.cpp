@@ -27,6 +27,7 @@ NewtonOutcome NewtonMethod::step() {
   NewtonOutcome outcome;
   outcome.before = outcome.after = objective_.linearise(renews_);
   outcome.gradient_norm = objective_.gradient_norm();
+  if (begins_convex_) objective_.make_convex();
   solve(outcome);
   if (outcome.linear_solve == LinearSolve::NegativeCurvature && outcome.products <= rules_.few_products &&
       objective_.make_convex())
@@ -41,6 +42,7 @@ NewtonOutcome NewtonMethod::step() {
   // If no step was taken, the unknowns are still where the step and what is left of it were measured.
   outcome.converged = may_converge && outcome.residual + left <= rules_.tolerance &&
                       (outcome.damping == 0 || left + defect() <= rules_.tolerance);
+  if (outcome.linear_solve == LinearSolve::NegativeCurvature) begins_convex_ = outcome.damping < rules_.convex_below;
   // The preconditioner is used again as long as the unknowns hardly change.
   renews_ = outcome.damping < 1 || outcome.residual > kLargeStep || outcome.products > 2 * products_when_new_ + 20;
   return outcome;

@@ -19,6 +19,9 @@ struct NewtonRules {
   double tolerance = 0;
   /// If a direction among so many has no positive curvature, the step is solved with a convex part of H.
   int few_products = 0;
+  /// If a line search takes less than this share of a step that ended in a direction without positive curvature, the
+  /// next step is solved with a convex part of H from the beginning.
+  double convex_below = 0;
   int most_trials = 30;    ///< Of a line search.
   double decrease = 1e-4;  ///< LineSearch::decrease.
   int most_doublings = 0;  ///< Of a step that was taken as a whole, as long as the objective falls.
@@ -61,7 +64,7 @@ class NewtonMethod {
   /// Reads or writes what a step leaves for the next.
   template <class Archive>
   void state(Archive& archive) {
-    archive(last_gradient_, renews_, products_when_new_);
+    archive(last_gradient_, renews_, begins_convex_, products_when_new_);
     spectrum_.state(archive);
   }
 
@@ -92,7 +95,8 @@ class NewtonMethod {
   RitzValues ritz_;            ///< Of the last solve.
   SpectrumEstimate spectrum_;  ///< Of M⁻¹H.
   bool renews_ = true;
-  int products_when_new_ = 0;  ///< Products of the first step with the present preconditioner.
+  bool begins_convex_ = false;  ///< See NewtonRules::convex_below.
+  int products_when_new_ = 0;   ///< Products of the first step with the present preconditioner.
 };
 
 }  // namespace varimesh

@@ -37,10 +37,16 @@ constexpr double kSettled = 1e-3;
 /// Newton steps of a round that move a node by more than this are followed by another one. Shorter ones are not: the
 /// next round has other frames.
 constexpr double kLongStep = 0.1;
+/// Nor are steps that lower the objective by less than this share of what the round has lowered it by so far: in cells
+/// that are thin in several directions, nodes move far and change nothing.
+constexpr double kLittle = 0.02;
 constexpr int kMostSteps = 8;
 constexpr int kMostSettling = 12;  ///< Rounds that change no factor.
 constexpr int kMostProducts = 300;
 constexpr int kFewProducts = 3;
+/// In meshes that keep invalid cells, nearly all systems have directions of negative curvature, and the line search
+/// took a hundredth of the steps. With the convex part it takes half of them or all.
+constexpr double kConvexBelow = 0.25;
 constexpr std::int32_t kCellsPerTask = 4096;
 
 }  // namespace
@@ -160,16 +166,20 @@ void Descent::minimise(DescentRound& round) {
   NewtonRules rules;
   rules.most_products = kMostProducts;
   rules.few_products = kFewProducts;
+  rules.convex_below = kConvexBelow;
   round_start_.resize(from_.size());
   objective_.take_places(round_start_);
   NewtonMethod method(objective_, rules);
 
+  double fall = 0;
   for (int step = 0; step < kMostSteps; ++step) {
     const NewtonOutcome outcome = method.step();
     if (first_gradient_ == 0) first_gradient_ = outcome.gradient_norm;
     round.steps += outcome.products;
     round.relative_gradient = first_gradient_ > 0 ? outcome.gradient_norm / first_gradient_ : 0;
-    if (outcome.damping == 0 || (outcome.damping == 1 && outcome.residual <= kLongStep)) break;
+    fall += outcome.before - outcome.after;
+    const bool is_short = outcome.damping == 1 && outcome.residual <= kLongStep;
+    if (outcome.damping == 0 || is_short || outcome.before - outcome.after <= kLittle * fall) break;
   }
   round.residual = objective_.largest_from(round_start_);
 }
@@ -364,9 +374,9 @@ DescentRound Descent::round() {
   const bool costs = reaches && has_come_to_end && merit.loss > threshold::kLossGivenForMinimum * asked_.least_loss;
   const bool in_reach = !reaches && merit.smallest >= threshold::kInReach * asked_.bound;
   const bool falls = merit.loss < threshold::kFalls * last_loss_;
-  // If all cells are certified, but far below the bound in every mesh so far, more weight for low cells is worth it
-  // only as long as something gains.
-  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.merit.uncertified > 0;
+  // If no mesh so far reaches the bound or comes near it, more weight for low cells is worth it only as long as
+  // something gains. A mesh that keeps invalid cells is such a mesh.
+  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_);
   settling_ = low == 0 ? settling_ + 1 : 0;
   last_move_ = low == 0 ? round.residual : 0;
   round.last = (low == 0 && settled) || (reaches && !is_worth_more(merit)) || is_futile || !gains ||

@@ -163,6 +163,32 @@ TEST(NewtonMethodTest, SolvesWithAConvexPartIfNegativeCurvatureComesSoon) {
   EXPECT_NEAR(outcome.residual, 4 * 0.1 * (1 - 0.01), 1e-12);
 }
 
+TEST(NewtonMethodTest, BeginsWithAConvexPartAfterAStepThatWasMuchTooLong) {
+  Separable objective(kTwoWells, {1, 1}, 0.1);
+  objective.has_convex_part = true;
+  objective.m = 0.01;  // the step along the direction of negative curvature is 39.6
+  NewtonRules convex = rules(0.1);
+  convex.convex_below = 0.25;
+  NewtonMethod method(objective, convex);
+  const NewtonOutcome long_step = method.step();
+  EXPECT_EQ(long_step.linear_solve, LinearSolve::NegativeCurvature);
+  EXPECT_LT(long_step.damping, 0.25);
+  for (int step = 0; step < 2; ++step) {
+    objective.x = {0.1, 0.1};
+    const NewtonOutcome outcome = method.step();
+    EXPECT_EQ(outcome.linear_solve, LinearSolve::Solved);
+    EXPECT_EQ(outcome.products, 1) << "no product with a Hessian that is not convex";
+    EXPECT_EQ(outcome.damping, 1);
+  }
+
+  objective.m = 1;  // a step of 0.396
+  objective.x = {0.1, 0.1};
+  NewtonMethod another(objective, convex);
+  EXPECT_EQ(another.step().damping, 1);
+  objective.x = {0.1, 0.1};
+  EXPECT_EQ(another.step().linear_solve, LinearSolve::NegativeCurvature) << "the step before was taken as a whole";
+}
+
 TEST(NewtonMethodTest, LeavesTheUnknownsIfNothingIsLower) {
   Separable objective({[](double x) { return std::abs(x); }, [](double) { return 1.0; }, [](double) { return 1.0; }},
                       {1}, 0);
