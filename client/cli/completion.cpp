@@ -12,6 +12,12 @@ namespace {
 /// The text up to the first full stop or semicolon, because a shell shows a single line.
 std::string brief(const std::string& help) { return help.substr(0, std::min(help.find(';'), help.find(". "))); }
 
+/// Whether a command takes the names of jobs. They are on a server, which the shell asks by `varimesh jobs`.
+bool takes_jobs(const CommandFacts& command) {
+  return std::ranges::any_of(command.flags,
+                             [](const FlagFacts& flag) { return flag.argument && flag.names[0] == "JOB"; });
+}
+
 std::string quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -25,12 +31,14 @@ struct BashWords {
   std::string commands;  ///< The commands and the flags of the program.
   std::string flags;     ///< For each command: its flags.
   std::string values;    ///< For each command and flag: its values.
+  std::string of_jobs;   ///< The commands that take the names of jobs, as a pattern.
 };
 
 BashWords bash_words(const CommandFacts& program, const std::vector<CommandFacts>& commands) {
   BashWords words;
   for (const CommandFacts& command : commands) {
     words.commands += command.name + " ";
+    if (takes_jobs(command)) words.of_jobs += (words.of_jobs.empty() ? "" : "|") + command.name;
     std::string flags;
     for (const FlagFacts& flag : command.flags) {
       if (flag.argument) continue;
@@ -60,6 +68,15 @@ _varimesh_files() {
   compopt -o filenames
   mapfile -t COMPREPLY < <(compgen -f -- "$cur")
 }
+# The names of jobs on the server that the line names, or on the usual one, without their "jobs/".
+_varimesh_jobs() {
+  local server=() i names
+  for ((i = 1; i < COMP_CWORD - 1; ++i)); do
+    if [ "${COMP_WORDS[i]}" = --server ]; then server=(--server "${COMP_WORDS[i + 1]}"); fi
+  done
+  names=$(timeout 2 varimesh jobs --names "${server[@]}" 2>/dev/null | sed 's,^jobs/,,')
+  mapfile -t COMPREPLY < <(compgen -W "$names" -- "$cur")
+}
 _varimesh() {
   local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} command=${COMP_WORDS[1]} words=
   COMPREPLY=()
@@ -85,6 +102,9 @@ _varimesh() {
       man) mapfile -t COMPREPLY < <(compgen -W ')" +
          words.commands + R"(' -- "$cur") ;;
       completion) mapfile -t COMPREPLY < <(compgen -W 'bash zsh fish' -- "$cur") ;;
+      )" +
+         words.of_jobs +
+         R"() _varimesh_jobs ;;
       *) _varimesh_files ;;
     esac
   fi
@@ -107,6 +127,7 @@ std::string zsh_text(const std::string& help) {
 }
 
 std::string zsh_action(const FlagFacts& flag) {
+  if (flag.argument && flag.names[0] == "JOB") return "_varimesh_jobs";
   return flag.file ? "_files" : flag.choices.empty() ? " " : "(" + joined(flag.choices, " ") + ")";
 }
 
@@ -134,8 +155,11 @@ std::string zsh_completion(const std::vector<CommandFacts>& commands) {
     }
     cases += "      && return\n    ;;\n";
   }
-  return "#compdef varimesh\n# Completion of varimesh for zsh; made by `varimesh completion zsh`.\nlocal -a "
-         "commands\ncommands=(\n" +
+  return "#compdef varimesh\n# Completion of varimesh for zsh; made by `varimesh completion zsh`.\n"
+         "_varimesh_jobs() {\n  local -a names server\n  local at=${words[(I)--server]}\n"
+         "  (( at )) && server=(--server $words[at+1])\n"
+         "  names=(${(f)\"$(timeout 2 varimesh jobs --names $server 2>/dev/null | sed 's,^jobs/,,')\"})\n"
+         "  compadd -a names\n}\nlocal -a commands\ncommands=(\n" +
          list +
          ")\nif (( CURRENT == 2 )); then\n  _describe command commands\n  return\nfi\n"
          "local command=$words[2]\nshift words\n(( CURRENT-- ))\ncase $command in\n" +
@@ -152,6 +176,8 @@ std::string fish_completion(const std::vector<CommandFacts>& commands) {
     for (const FlagFacts& flag : command.flags) {
       if (flag.argument) {
         if (flag.file) out += when + " -F\n";
+        if (flag.names[0] == "JOB")
+          out += when + " -a '(timeout 2 varimesh jobs --names 2>/dev/null | string replace jobs/ \"\")'\n";
         if (!flag.choices.empty()) out += when + " -a " + quoted(joined(flag.choices, " ")) + "\n";
         continue;
       }

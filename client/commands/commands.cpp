@@ -37,6 +37,7 @@ Actions list(Command program, const QualityRun& quality) {
           {"convert", add_convert(program)},
           {"submit", add_submit(program)},
           {"watch", add_watch(program)},
+          {"logs", add_logs(program)},
           {"result", add_result(program)},
           {"wait", add_wait(program)},
           {"results", add_results(program)},

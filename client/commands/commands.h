@@ -13,6 +13,7 @@ Action add_layers(Command program);
 Action add_convert(Command program);
 Action add_submit(Command program);
 Action add_watch(Command program);
+Action add_logs(Command program);
 Action add_result(Command program);
 Action add_wait(Command program);
 Action add_results(Command program);

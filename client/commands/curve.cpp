@@ -14,6 +14,7 @@ Action add_curve(Command program) {
       .value("IN");
   add_geometry_flags(command, &arguments->input, false);
   add_run_flags(command, arguments.get());
+  command["--output"].required();
   command["--geometry"].required();
   require_curved_order(command);
   return [arguments] { return curve(*arguments); };

@@ -16,6 +16,7 @@
 #include "client/jobs/several.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 namespace {
@@ -23,7 +24,7 @@ namespace {
 struct Arguments {
   CommonFlags common;
   std::vector<std::string> labels, states;
-  bool watch = false;
+  bool watch = false, names = false;
 };
 
 Expected<v1::ListJobsRequest> filter_of(const Arguments& arguments) {
@@ -104,6 +105,10 @@ int list(const Arguments& arguments) {
     print({{"jobs", documents}});
     return kDone;
   }
+  if (arguments.names) {
+    for (const v1::Job& job : *jobs) std::cout << as_plain_text(job.name()) << '\n';
+    return kDone;
+  }
   if (jobs->empty()) {
     print_no_jobs();
     return kDone;
@@ -122,6 +127,7 @@ Action add_jobs(Command program) {
       .one_value_each();
   add_label_flag(command, &arguments->labels, "List only jobs with this label; may be repeated");
   command.add("--watch", &arguments->watch, "Show the jobs again every second until all have ended").excludes("--json");
+  command.add("--names", &arguments->names, "Print only the names, one a line").excludes("--json").excludes("--watch");
   return [arguments] { return list(*arguments); };
 }
 

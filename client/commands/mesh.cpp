@@ -101,6 +101,7 @@ Action add_mesh(Command program) {
       .one_of({"joined", "separate"});
   add_geometry_options(command, &arguments->run.input.geometry, false);
   add_run_flags(command, &arguments->run);
+  command["--output"].required();
   require_curved_order(command);
   return [arguments] { return mesh(*arguments); };
 }

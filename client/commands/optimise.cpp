@@ -1,18 +1,51 @@
-// varimesh optimise: optimises a mesh, in this process or on a server.
+// varimesh optimise: optimises a mesh, or several, in this process or on a server.
 #include "client/commands/commands.h"
-#include "client/runs/optimise_run.h"
+#include "client/process/exit_status.h"
+#include "client/runs/several_runs.h"
 
 namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  OptimiseArguments run;
+  std::vector<std::string> meshes;
+  std::string into;
+};
+
+Expected<void> check_outputs_named(const Arguments& arguments) {
+  if (!arguments.into.empty()) return {};
+  if (arguments.run.outputs.empty())
+    return bad_option(
+        "--output is required; name the file for the result, or with --into the folder for several results.");
+  if (arguments.meshes.size() > 1)
+    return bad_option("Several meshes need a folder for their results; name one with --into in place of --output.");
+  return {};
+}
+
+int run(const Arguments& arguments) {
+  if (!arguments.into.empty()) return optimise_several(arguments.run, arguments.meshes, arguments.into);
+  OptimiseArguments one = arguments.run;
+  one.input.mesh = arguments.meshes.front();
+  return optimise(std::move(one));
+}
+
+}  // namespace
 
 Action add_optimise(Command program) {
-  auto arguments = std::make_shared<OptimiseArguments>();
-  Command command = program.add_command("optimise", "Optimise a mesh and write the result");
+  auto arguments = std::make_shared<Arguments>();
+  Command command = program.add_command("optimise", "Optimise a mesh, or several, and write the result");
   command.alias("optimize");
-  add_input(command, &arguments->input);
-  command["input"].or_standard_input();
-  add_geometry_flags(command, &arguments->input, true);
-  add_run_flags(command, arguments.get());
-  return [arguments] { return optimise(*arguments); };
+  add_inputs(command, &arguments->meshes, &arguments->run.input);
+  command["input"].or_standard_input().help("The mesh file to read; with --into, several");
+  add_geometry_flags(command, &arguments->run.input, true);
+  add_run_flags(command, &arguments->run);
+  command
+      .add("--into", &arguments->into,
+           "Optimise all meshes side by side, and write the results into this folder, under the names of the meshes")
+      .value("DIR")
+      .excludes("--output");
+  command.at_end([arguments] { return check_outputs_named(*arguments); });
+  return [arguments] { return run(*arguments); };
 }
 
 }  // namespace varimesh::client

@@ -22,15 +22,6 @@ struct Arguments {
   std::string into;
 };
 
-/// Makes the folder if it is not there. Errors: Output.
-Expected<void> make_folder(const std::string& path) {
-  std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (std::filesystem::is_directory(path)) return {};
-  return tl::unexpected(Error{Error::Kind::Output, "The folder " + path + " cannot be made" +
-                                                       (error ? ": " + error.message() : std::string()) + "."});
-}
-
 /// Fetches one result, unless it is there. Returns the exit status if this fails; its message has been printed.
 tl::expected<void, int> fetch(Client* client, const ResultFile& file) {
   const auto there = what_is_at(file);

@@ -26,11 +26,17 @@ std::string cut(const std::string& text, std::size_t width) {
 /// Below it, columns are narrow.
 constexpr std::size_t kWide = 110;
 
+/// The name of the job; in narrow columns its first eight digits, which every command takes.
+std::string shown_name(const v1::Job& job, std::size_t width) {
+  std::string name = as_plain_text(job.name());
+  return width < kWide ? name.substr(name.find('/') + 1, 8) : name;
+}
+
 std::string row(std::size_t width, const std::string& job, const std::string& state, const std::string& submitted,
                 const std::string& seconds, const std::string& iterations, const std::string& words) {
   std::string line =
       width < kWide
-          ? fmt::format("{:<21}  {:<9}  {:<11}  {:>8}  {}", job, state, submitted, seconds, words)
+          ? fmt::format("{:<8}  {:<10}  {:<11}  {:>8}  {}", job, state, submitted, seconds, words)
           : fmt::format("{:<24}  {:<10}  {:<19}  {:>8}  {:>10}  {}", job, state, submitted, seconds, iterations, words);
   line.erase(line.find_last_not_of(' ') + 1);
   return cut(line, width) + "\n";
@@ -59,8 +65,8 @@ std::string job_heading(std::size_t width) {
 }
 
 std::string job_row(const v1::Job& job, std::size_t width) {
-  return row(width, as_plain_text(job.name()), spelled(job.state()), local_time(job.create_time(), width),
-             time_run(job), std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
+  return row(width, shown_name(job, width), spelled(job.state()), local_time(job.create_time(), width), time_run(job),
+             std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
              words_about(job));
 }
 

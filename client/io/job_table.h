@@ -17,7 +17,8 @@ std::string job_heading(std::size_t width = kAnyWidth);
 
 /// One line: the job's name, its state, when it was submitted, how long it has run, its iterations, its file and its
 /// other labels. Words of others are made harmless for the terminal. Ends with a newline. In lines of less than 110
-/// columns, the year, the seconds and the iterations are left out, and what does not fit ends with "…".
+/// columns, the name has only its first eight digits, the year, the seconds and the iterations are left out, and what
+/// does not fit ends with "…".
 std::string job_row(const v1::Job& job, std::size_t width = kAnyWidth);
 
 /// The name of the file, then the other labels; made harmless for the terminal.

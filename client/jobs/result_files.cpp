@@ -55,6 +55,14 @@ std::vector<ResultFile> result_files(const std::vector<v1::Job>& jobs, const std
   return files;
 }
 
+Expected<void> make_folder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (std::filesystem::is_directory(path)) return {};
+  return tl::unexpected(Error{Error::Kind::Output, "The folder " + path + " cannot be made" +
+                                                       (error ? ": " + error.message() : std::string()) + "."});
+}
+
 Expected<AtPath> what_is_at(const ResultFile& file) {
   std::error_code error;
   if (!std::filesystem::exists(std::filesystem::symlink_status(file.path, error))) return AtPath::Nothing;

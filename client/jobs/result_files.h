@@ -23,6 +23,9 @@ struct ResultFile {
 /// `jobs` must outlive the files.
 std::vector<ResultFile> result_files(const std::vector<v1::Job>& jobs, const std::filesystem::path& folder);
 
+/// Makes the folder for results if it is not there. Errors: Output.
+Expected<void> make_folder(const std::string& path);
+
 /// What is at the path of a result.
 enum class AtPath { Nothing, TheResult, Another };
 

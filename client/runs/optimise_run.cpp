@@ -52,16 +52,6 @@ v1::JobSpec spec_of(const OptimiseArguments& arguments, const std::vector<Output
   return spec;
 }
 
-/// Takes the layers from their flags, and says which height follows from a Reynolds number.
-Expected<void> take_layers(OptimiseArguments* arguments) {
-  std::string sentence;
-  auto wanted = layers_of(arguments->layers, &arguments->options, &sentence);
-  if (!wanted) return tl::unexpected(wanted.error());
-  if (!sentence.empty() && !arguments->common.quiet) std::cerr << sentence << std::endl;
-  arguments->wanted_layers = std::move(*wanted);
-  return {};
-}
-
 /// Submits a job, and follows it. The error is the exit status; its message has been printed.
 tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& arguments, const v1::JobSpec& spec) {
   const auto job = client->submit(spec, arguments.request_id);
@@ -113,22 +103,6 @@ void say_fitting_orders(const OptimiseArguments& arguments, const v1::Job& ended
   if (!fitting.empty()) std::cerr << "varimesh: " << fitting << std::endl;
 }
 
-/// The connection of a run: to the service in this process if the server does not take the run's CAD model or layers.
-tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
-  auto connection = connect(arguments.common);
-  const bool has_model = !arguments.input.model.empty(), has_layers = arguments.wanted_layers.has_value();
-  if (!connection || arguments.common.server.empty() || (!has_model && !has_layers)) return connection;
-  const auto server = connection->client->info();
-  if (!server) return tl::unexpected(print_error(server.error()));
-  const bool takes_layers = !has_layers || server->takes_layers();
-  if (takes_layers && (!has_model || server->takes_geometries())) return connection;
-  if (!arguments.common.quiet)
-    std::cerr << "The server " << (takes_layers ? "takes no geometries" : "makes no layers, because it is older")
-              << ", so the job runs in this process." << std::endl;
-  arguments.common.server.clear();
-  return connect(arguments.common);
-}
-
 /// Runs the job and returns the exit status. `geometry_report` gets what came of a model.
 int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
@@ -177,6 +151,30 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
 
 }  // namespace
 
+Expected<void> take_layers(OptimiseArguments* arguments) {
+  std::string sentence;
+  auto wanted = layers_of(arguments->layers, &arguments->options, &sentence);
+  if (!wanted) return tl::unexpected(wanted.error());
+  if (!sentence.empty() && !arguments->common.quiet) std::cerr << sentence << std::endl;
+  arguments->wanted_layers = std::move(*wanted);
+  return {};
+}
+
+tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
+  auto connection = connect(arguments.common);
+  const bool has_model = !arguments.input.model.empty(), has_layers = arguments.wanted_layers.has_value();
+  if (!connection || arguments.common.server.empty() || (!has_model && !has_layers)) return connection;
+  const auto server = connection->client->info();
+  if (!server) return tl::unexpected(print_error(server.error()));
+  const bool takes_layers = !has_layers || server->takes_layers();
+  if (takes_layers && (!has_model || server->takes_geometries())) return connection;
+  if (!arguments.common.quiet)
+    std::cerr << "The server " << (takes_layers ? "takes no geometries" : "makes no layers, because it is older")
+              << ", so the job runs in this process." << std::endl;
+  arguments.common.server.clear();
+  return connect(arguments.common);
+}
+
 int optimise(OptimiseArguments arguments) {
   if (const auto fine = take_layers(&arguments); !fine) return print_error(fine.error());
   v1::GeometryReport geometry;
@@ -187,7 +185,6 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
   command
       .add("-o,--output", &arguments->outputs,
            "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm); may be repeated")
-      .required()
       .value("OUT")
       .one_value_each();
   command.add("--format", &arguments->format, "Format of the .msh outputs; default: that of the input").value("NAME");

@@ -7,6 +7,7 @@
 
 #include "client/cli/common_flags.h"
 #include "client/io/inputs.h"
+#include "client/jobs/connection.h"
 #include "client/runs/layer_flags.h"
 
 namespace varimesh::client {
@@ -31,6 +32,13 @@ int optimise(OptimiseArguments arguments);
 /// Makes a curved mesh from a straight one and its geometry: the same with the order in `options` as that of the curved
 /// mesh. If elements are not certified valid at the end, it says on which surfaces they lie.
 int curve(OptimiseArguments arguments);
+
+/// Takes the layers from their flags, and says which height follows from a Reynolds number. Errors: BadOption.
+Expected<void> take_layers(OptimiseArguments* arguments);
+
+/// The connection of a run: to the service in this process if the server does not take the run's CAD model or layers.
+/// The error is the exit status; its message has been printed.
+tl::expected<Connection, int> connect_for(OptimiseArguments& arguments);
 
 /// Checks, before any work is done, that the outputs of curve() can be written and its options go together. Returns the
 /// exit status; if it is not kDone, an error has been printed.

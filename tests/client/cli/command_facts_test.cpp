@@ -54,7 +54,9 @@ TEST(CommandFacts, FlagsAreReadFromTheParser) {
   const CommandFacts command = facts_of(*program.app.get_subcommand("optimise"));
   const FlagFacts& output = flag_of(command, "--output");
   EXPECT_EQ(output.names, (std::vector<std::string>{"-o", "--output"}));
-  EXPECT_TRUE(output.file && output.required && output.repeated && !output.argument);
+  EXPECT_TRUE(output.file && output.repeated && !output.argument);
+  EXPECT_FALSE(output.required) << "--into does without";
+  EXPECT_TRUE(flag_of(facts_of(*program.app.get_subcommand("curve")), "--output").required);
   const FlagFacts& input = flag_of(command, "IN");
   EXPECT_TRUE(input.argument && input.file && input.required);
   const FlagFacts& method = flag_of(command, "--method");

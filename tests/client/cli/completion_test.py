@@ -15,9 +15,13 @@ class Completed(WithFolder):
         (self.folder / "wing mesh.msh").touch()
 
 
+# A program in place of varimesh: completion asks it for the names of jobs.
+ASKED = "varimesh() { echo \"$@\" >asked; printf 'jobs/12345678\\njobs/1299\\n'; }; timeout() { shift; \"$@\"; }; "
+
+
 class Bash(Completed):
     def bash(self, *words):
-        script = (f"cd '{self.folder}'; source ./bash; COMP_WORDS=(varimesh {' '.join(words)}); COMP_CWORD={len(words)}; "
+        script = (ASKED + f"cd '{self.folder}'; source ./bash; COMP_WORDS=(varimesh {' '.join(words)}); COMP_CWORD={len(words)}; "
                   "compopt() { :; }; _varimesh; printf '%s\\n' \"${COMPREPLY[@]}\"")
         return shell("bash", "-c", script).stdout.split("\n")[:-1]
 
@@ -32,6 +36,11 @@ class Bash(Completed):
         self.assertEqual(self.bash("optimise", "wing"), ["wing mesh.msh"])
         self.assertEqual(self.bash("optimise", "--tolerance", "wing"), [""])
         self.assertEqual(set(OPTIONS) - set(self.bash("optimise", "--")), set())
+
+    def test_offers_the_jobs_of_the_server(self):
+        self.assertEqual(self.bash("watch", "123"), ["12345678"])
+        self.assertEqual(self.bash("results", "--server", "here:1", "12"), ["12345678", "1299"])
+        self.assertEqual((self.folder / "asked").read_text(), "jobs --names --server here:1\n")
 
 
 class Fish(Completed):
@@ -60,6 +69,10 @@ class Zsh(Completed):
         self.assertIn("--energy=[The energy that is minimised]:value:(hyperelastic linear-elastic winslow distortion)", done.stdout)
         self.assertIn("*--output=[Write the result to this file (", done.stdout)
         self.assertIn("1:IN:_files", done.stdout)
+        offered = shell("zsh", "-f", "-c", ASKED + "compadd() { print -rl -- $names }; " + script
+                        + f"cd {self.folder}; run watch --server here:1 '' >/dev/null; words=(watch --server here:1 ''); _varimesh_jobs")
+        self.assertEqual(offered.stdout.split(), ["12345678", "1299"])
+        self.assertEqual((self.folder / "asked").read_text(), "jobs --names --server here:1\n")
         for option in OPTIONS:
             value = "" if option in ("--orient", "--simplices") else "="  # these are switches
             self.assertIn(f"{option}{value}[", done.stdout)

@@ -35,8 +35,8 @@ TEST(Refusals, NameARangeInShortNumbers) {
 
 TEST(Refusals, SayWhatIsMissing) {
   EXPECT_EQ(refusal(""), "a command is missing, such as 'varimesh optimise IN -o OUT'.");
-  EXPECT_EQ(refusal("optimise"), "IN is missing: The mesh file to read.");
-  EXPECT_TRUE(refusal("optimise a.msh").starts_with("--output is required: Write the result")) << refusal("optimise a");
+  EXPECT_EQ(refusal("optimise"), "IN is missing: The mesh file to read; with --into, several.");
+  EXPECT_TRUE(refusal("optimise a.msh").starts_with("--output is required; name the file")) << refusal("optimise a");
   EXPECT_EQ(refusal("optimise a.msh -o"), "--output has no value; write --output OUT.");
 }
 

@@ -29,6 +29,25 @@ class Jobs(WithServer):
         self.assertEqual([entry["job"] for entry in jobs], [job])
         self.assertEqual(jobs[0]["state"], "succeeded")
 
+    def test_logs_are_what_has_happened_so_far(self):
+        job = self.remote("submit", LARGER, *ENDLESS, "--label", "for=logs").stdout.strip()
+        following = start("logs", job, "--follow", "--server", self.server.address, stdout=subprocess.PIPE)
+        while not (entry := json.loads(self.remote("jobs", "--label", "for=logs", "--json").stdout)["jobs"][0]).get("iterations"):
+            self.assertIn(entry["state"], ("pending", "running"))
+        early = self.remote("logs", job)  # does not wait for the end
+        self.assertEqual(early.returncode, 0, early.stderr)
+        self.assertRegex(early.stdout, r"^\d{4}-\d\d-\d\dT[\d:.]+Z  pending\n\S+Z  running\n")
+        self.assertNotIn("cancelled", early.stdout)
+        self.remote("cancel", job)
+        whole, _ = following.communicate(timeout=40)
+        self.assertRegex(whole, r"Z  sweeps +1 .*min Js[^\n]*not certified")
+        self.assertRegex(whole, r"Z  cancelled\n$")
+        self.assertEqual(self.remote("logs", job, "--follow").stdout, whole)
+        documents = [json.loads(line) for line in self.remote("logs", job, "--json").stdout.splitlines()]
+        self.assertEqual(len(documents), len(whole.splitlines()))
+        self.assertEqual(documents[-1]["stateChange"]["state"], "JOB_STATE_CANCELLED")
+        self.assertEqual(self.remote("jobs", "--label", "for=logs", "--names").stdout, job + "\n")
+
     def test_jobs_have_names_times_and_files(self):
         job = self.remote("submit", MESH, "--label", "for=list").stdout.strip()
         self.remote("watch", job, "--quiet")
@@ -80,7 +99,9 @@ class Jobs(WithServer):
             os.close(master)
             self.assertEqual((done.returncode, len(lines)), (0, 2), lines)
             self.assertLessEqual(max(map(len, lines)), columns)
-            self.assertIn(job, lines[1])
+            shown = job if fits else job.removeprefix("jobs/")[:8]  # every command takes the first digits
+            self.assertTrue(lines[1].startswith(shown + "  "), lines[1])
+            self.assertEqual(self.remote("watch", shown, "--quiet").returncode, 0)
             self.assertIn(MESH.name[:10], lines[1])
             self.assertEqual(lines[1].endswith("…"), not fits, lines[1])
 

@@ -9,9 +9,68 @@ import signal
 import struct
 import subprocess
 import termios
+import time
 import unittest
 
-from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, WithServer, run, start
+from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, WithFolder, WithServer, run, start
+
+
+class Several(WithFolder):
+    """optimise --into, without a server."""
+
+    def meshes(self, **cases):
+        for name, case in cases.items():
+            (self.folder / f"{name}.msh").write_bytes(case.encode() if isinstance(case, str) else case.read_bytes())
+        return [self.folder / f"{name}.msh" for name in cases]
+
+    def test_each_result_is_that_of_the_mesh_alone(self):
+        meshes, into = self.meshes(a=MESH, b=LARGER, c=FOLDED), self.folder / "new" / "results"
+        done = run("optimise", *meshes, "--into", into)
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertEqual(sorted(line.split()[0] for line in done.stdout.splitlines()),
+                         [str(into / mesh.name) for mesh in meshes])
+        self.assertIn("3 jobs ended: 2 certified valid, 1 with elements that are not certified valid", done.stderr)
+        for mesh in meshes:
+            alone = self.folder / "alone.msh"
+            run("optimise", mesh, "-o", alone)
+            self.assertEqual((into / mesh.name).read_bytes(), alone.read_bytes(), mesh)
+
+    def test_a_mesh_that_is_refused_leaves_the_others(self):
+        (good,) = self.meshes(good=MESH)
+        wrong, missing = self.folder / "wrong.msh", self.folder / "missing.msh"
+        wrong.write_text("no mesh")
+        done = run("optimise", wrong, good, missing, "--into", self.folder / "out", "--json")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("missing.msh was not optimised", done.stderr)
+        jobs = json.loads(done.stdout)["jobs"]
+        self.assertEqual(sorted(len(job["files"]) for job in jobs), [0, 1])
+        self.assertEqual(os.listdir(self.folder / "out"), ["good.msh"])
+
+    def test_what_cannot_be_is_said_before_any_work(self):
+        one, other = self.meshes(one=MESH, other=MESH)
+        twin = self.folder / "twin" / "one.msh"
+        twin.parent.mkdir()
+        shutil.copy(MESH, twin)
+        into = self.folder / "out"
+        for arguments, what in (([one, other, "-o", into], "name one with --into"),
+                                ([one], "--output is required"),
+                                ([one, twin, "--into", into], "Two meshes have the file name one.msh"),
+                                ([one, "--into", self.folder], "would replace the mesh"),
+                                ([one, "--into", into, "--report", "r.html"], "--report belongs to one mesh"),
+                                (["-", "--into", into], "Standard input has no name")):
+            done = run("optimise", *arguments)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn(what, done.stderr)
+            self.assertFalse(list(into.glob("*")))
+
+    def test_an_interrupt_keeps_the_best_meshes(self):
+        meshes, into = self.meshes(a=LARGER, b=LARGER), self.folder / "out"
+        running = start("optimise", *meshes, "--into", into, *ENDLESS)
+        time.sleep(3)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+        self.assertEqual(running.returncode, 130, errors)
+        self.assertEqual(sorted(os.listdir(into)), ["a.msh", "b.msh"])
 
 
 class Many(WithServer):
