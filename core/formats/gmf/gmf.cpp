@@ -134,8 +134,8 @@ class Reading {
                        [&](const Keyword& k) { return code == k.code || (k.order > 1 && code == k.ordering); });
   }
 
-  /// Reads a section once, if the file has it. `body` returns how many numbers each thing of the section has: the
-  /// section must have no room for another one, or else its count would hide things.
+  /// Reads a section once, if the file has it. `body` returns how many numbers each thing of the section has. Nothing
+  /// may be left in the section, or else its count would hide things.
   template <class Body>
   void read_section(int code, std::string_view name, const Body& body) {
     const auto found = sections_.extract(code);
@@ -145,8 +145,12 @@ class Reading {
     const Thing each = body();
     const std::size_t end = found.mapped().end;
     if (!numbers_.is_binary_file()) skip_comments();
-    if (scan.offset() + (numbers_.is_binary_file() ? numbers_.bytes(each) : 1) <= end)
-      scan.fail(std::string(name) + " has more numbers than it announces");
+    if (scan.offset() >= end) return;
+    const std::size_t left = end - scan.offset();
+    if (numbers_.is_binary_file() && left < numbers_.bytes(each))
+      scan.fail(std::string(name) + " has " + std::to_string(left) + (left == 1 ? " byte" : " bytes") +
+                " after what it announces, which is less than one more takes; write or copy the file again");
+    scan.fail(std::string(name) + " has more numbers than it announces");
   }
 
   Thing dimension() {

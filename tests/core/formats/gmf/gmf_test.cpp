@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <random>
 
 #include "core/mesh/check.h"
@@ -253,6 +254,15 @@ TEST(Gmf, NothingIsLeftOutInSilence) {
     file[low] = 7;
     EXPECT_SAYS(file, "Hexahedra has more numbers than it announces");
   }
+  // Two bytes between the vertices and the end. Each section says where the next one begins.
+  std::string file = file_of(mesh, 2, true, false);
+  std::int32_t vertices = 0, end = 0;
+  std::memcpy(&vertices, file.data() + 24, sizeof vertices);
+  std::memcpy(&end, file.data() + vertices + 4, sizeof end);
+  file.insert(std::size_t(end), "ab");
+  end += 2;
+  std::memcpy(file.data() + vertices + 4, &end, sizeof end);
+  EXPECT_SAYS(file, "Vertices has 2 bytes after what it announces");
 }
 
 TEST(Gmf, BadFilesAreRefused) {
