@@ -32,13 +32,13 @@ struct FormatEntry {
 /// if nothing else decides.
 std::span<const FormatEntry> format_table();
 
-/// The functions of formats.h for any table.
+/// The functions of formats.h and stoppable_write.h for any table.
 Expected<Format> from_name(std::span<const FormatEntry> table, std::string_view name);
 Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view path, Format requested,
                             Format read_as);
 Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads = 1,
                         const StopToken* stop = nullptr);
 Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
-                     std::span<const CellField> fields, int threads = 1);
+                     std::span<const CellField> fields, int threads = 1, const StopToken* stop = nullptr);
 
 }  // namespace varimesh::formats

@@ -20,6 +20,7 @@
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/numbering/cgns_order.h"
 #include "core/formats/other_files.h"
+#include "core/formats/stoppable_write.h"
 #include "core/formats/su2/su2.h"
 #include "core/formats/vtu/read.h"
 #include "core/formats/vtu/write.h"
@@ -206,14 +207,23 @@ Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view byt
 }
 
 Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
-                     std::span<const CellField> fields, int threads) {
+                     std::span<const CellField> fields, int threads, const StopToken* stop) {
   const FormatEntry* entry = find(table, format == Format::Auto ? kDefaultFormat : format);
   assert(entry != nullptr);
   if (entry->write == nullptr) return only_read(table, *entry);
-  const Team team(threads);
+  Team team(threads);
+  team.set_stop(stop);
+  const Sink stoppable = [&](std::string_view bytes) { return !(stop != nullptr && stop->stopped()) && sink(bytes); };
   Expected<void> written;
   const std::optional<HighOrderMesh> came = as_it_came(mesh, *entry);
-  team.run([&] { written = entry->write(came ? *came : mesh, entry->format, sink, fields, team); });
+  bool interrupted = false;
+  try {
+    team.run([&] { written = entry->write(came ? *came : mesh, entry->format, stoppable, fields, team); });
+  } catch (const Interrupted&) {
+    interrupted = true;
+  }
+  if (interrupted || (!written && stop != nullptr && stop->reason() != StopToken::Reason::None))
+    return tl::unexpected(Error{Error::Kind::Output, "Writing the mesh file was stopped before its end."});
   return written;
 }
 
@@ -262,6 +272,11 @@ Expected<void> check_sides(const HighOrderMesh& mesh, Format format, int threads
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                      int threads) {
   return write(kTable, mesh, format, sink, fields, threads);
+}
+
+Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
+                     int threads, const StopToken* stop) {
+  return write(kTable, mesh, format, sink, fields, threads, stop);
 }
 
 }  // namespace varimesh::formats

@@ -21,7 +21,6 @@
 #include "core/mesh/loose_parts.h"
 #include "core/mesh/plane.h"
 #include "core/optimise/layers/split_result.h"
-#include "core/optimise/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/on_geometry/optimise_on_geometry.h"
 #include "core/optimise/optimiser.h"
@@ -34,6 +33,7 @@
 #include "server/engine/option_messages.h"
 #include "server/engine/output_check.h"
 #include "server/engine/translate.h"
+#include "server/engine/write_outputs.h"
 
 namespace varimesh::server {
 namespace {
@@ -54,44 +54,6 @@ Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat for
   return read_mesh_parts(bytes, &stop).map([](HighOrderMesh&& mesh) {
     return formats::MeshFile{std::move(mesh), formats::Format::Auto};
   });
-}
-
-/// Returns the formats to write: those asked for, with UNSPECIFIED replaced by the format of the input, or by MSH 4.1
-/// if that can only be read.
-std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as) {
-  if (outputs.empty()) outputs.push_back(v1::MESH_FORMAT_UNSPECIFIED);
-  for (v1::MeshFormat& output : outputs)
-    if (output == v1::MESH_FORMAT_UNSPECIFIED) output = is_writable(read_as) ? read_as : v1::MESH_FORMAT_MSH41_BINARY;
-  return outputs;
-}
-
-Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const Sink& sink) {
-  if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
-  if (format == v1::MESH_FORMAT_CELL_QUALITY)
-    return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);
-  if (format == v1::MESH_FORMAT_VTU) {
-    const CellMarks marks(result.mesh, result.unrepairable, threads);
-    return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads);
-  }
-  // MSH 2.2 repeats an element for each additional group. Some readers do not know that and would count it twice.
-  const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
-  if (result.unrepairable.empty() || repeats)
-    return formats::write(result.mesh, format_from(format), sink, {}, threads);
-  HighOrderMesh marked = result.mesh;
-  mark_unrepairable(marked, result.unrepairable);
-  return formats::write(marked, format_from(format), sink, {}, threads);
-}
-
-/// Writes the results, and says what their formats have no place for.
-Expected<void> write_outputs(const Result& result, const RunRequest& request, v1::MeshFormat read_as,
-                             const RunHooks& hooks) {
-  for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as)) {
-    if (auto written = write_mesh(result, format, request.options.threads, hooks.open_output(format)); !written)
-      return written;
-    const std::string lost = hooks.on_note ? formats::left_out(result.mesh, format_from(format)) : "";
-    if (!lost.empty()) hooks.on_note(lost);
-  }
-  return {};
 }
 
 /// The options of a job that judges a mesh: nothing moves, and only the threads and the time limit are the job's.
@@ -368,10 +330,11 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (const auto made = make_layers(*result, *layers, request.options.threads, hooks, of_job); !made)
     return tl::unexpected(made.error());
   const bool wanted = !(result->stopped && hooks.given_up());
-  if (wanted)
-    if (const auto written = write_outputs(*result, request, read_as, hooks); !written)
-      return tl::unexpected(written.error());
+  const Expected<bool> written = wanted ? write_outputs(*result, request, read_as, hooks) : true;
+  if (!written) return tl::unexpected(written.error());
   RunOutcome outcome(static_cast<const RunSummary&>(*result));
+  outcome.stopped = outcome.stopped || !*written;
+  outcome.unwritten = !*written;
   outcome.metrics.MergeFrom(of_job);
   return outcome;
 }

@@ -42,6 +42,8 @@ struct RunOutcome {
   RunOutcome(const RunSummary& summary);  // NOLINT(google-explicit-constructor): engines return what the library does
 
   bool stopped = false;  ///< Ended by the caller.
+  /// Stopped before its outputs were written; none of them is whole.
+  bool unwritten = false;
   v1::Metrics metrics;
   v1::History history;
   /// Why the run has no outcome, as a part of a sentence: its process ended before it did. Empty: it has one.
@@ -80,8 +82,8 @@ struct Engine {
   /// Checks options without a mesh. Errors: BadOption.
   std::function<Expected<void>(const Options&)> check_options;
   /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far,
-  /// which may be the mesh as it came. Only a run that was not admitted, or was stopped while it read the mesh, has
-  /// none. Errors: BadInput, BadOption, Output.
+  /// which may be the mesh as it came. A run has none if it was not admitted, or was stopped while it read the
+  /// mesh or while no byte of an output came for some seconds. Errors: BadInput, BadOption, Output.
   std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> run;
   /// Checks whether a job with these options can have a geometry here. Empty: it can have none. Errors: BadOption.
   std::function<Expected<void>(const v1::Geometry&, const Options&)> check_geometry = {};

@@ -249,12 +249,12 @@ class Conversation {
   }
 
   void end(const worker::Ended& ended) {
-    RunOutcome outcome;
+    RunOutcome& outcome = *outcome_.emplace();
     outcome.stopped = ended.stopped();
+    outcome.unwritten = ended.unwritten();
     outcome.metrics = ended.metrics();
     make_plain(outcome.metrics);
     outcome.history = std::move(history_);
-    outcome_ = std::move(outcome);
   }
 
   void answer(worker::ToWorker message, int file = -1) {

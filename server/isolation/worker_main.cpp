@@ -305,6 +305,7 @@ void tell(Conversation& server, const RunOutcome& outcome) {
     server.say(message);
   }
   message.mutable_ended()->set_stopped(outcome.stopped);
+  message.mutable_ended()->set_unwritten(outcome.unwritten);
   *message.mutable_ended()->mutable_metrics() = outcome.metrics;
   server.say(message);
 }

@@ -281,6 +281,11 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
     ending.state = v1::JOB_STATE_PENDING;
     return ending;
   }
+  if (outcome->unwritten) {
+    ending.state = attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_PENDING;
+    if (!attempt.cancelled()) ending.lost = "ended before its results were written";
+    return ending;
+  }
   outputs.close();
   if (outputs.failure()) return not_stored(room, *outputs.failure());
   const auto history = store_history(attempt.meshes, room, outcome->history);

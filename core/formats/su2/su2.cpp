@@ -7,6 +7,7 @@
 #include <span>
 
 #include "core/base/io/buffered_output.h"
+#include "core/formats/common/group_names.h"
 #include "core/formats/common/left_out.h"
 #include "core/formats/vtu/cells.h"
 #include "core/formats/vtu/write.h"
@@ -68,10 +69,9 @@ std::map<int, std::vector<const ElementBlock*>> markers(const HighOrderMesh& mes
 }
 
 /// The name of a group, in which SU2 takes no blanks. Names that become alike get the tag of their group.
-std::string marker_name(const HighOrderMesh& mesh, int tag, std::set<std::string>& used) {
-  std::string name = "group_" + std::to_string(tag);
-  for (const PhysicalGroup& group : mesh.physical_groups)
-    if (group.dimension == mesh.dimension - 1 && group.tag == tag && !group.name.empty()) name = group.name;
+std::string marker_name(const std::map<int, std::string_view>& names, int tag, std::set<std::string>& used) {
+  const auto named = names.find(tag);
+  std::string name = named == names.end() ? "group_" + std::to_string(tag) : std::string(named->second);
   std::replace_if(
       name.begin(), name.end(), [](unsigned char c) { return c <= ' ' || c == '(' || c == ')' || c == ','; }, '_');
   while (!used.insert(name).second) name += "_" + std::to_string(tag);
@@ -151,10 +151,11 @@ Expected<void> write_su2(const HighOrderMesh& mesh, Format, const Sink& sink, st
     }
   }
   const auto all = markers(mesh, points);
+  const auto names = group_names(mesh, mesh.dimension - 1);
   std::set<std::string> used;
   write_count(out, "NMARK", std::int64_t(all.size()));
   for (const auto& [tag, blocks] : all) {
-    out.text("MARKER_TAG= " + marker_name(mesh, tag, used) + "\n");
+    out.text("MARKER_TAG= " + marker_name(names, tag, used) + "\n");
     std::int64_t count = 0;
     for (const ElementBlock* block : blocks) count += count_with_points(*block, points);
     write_count(out, "MARKER_ELEMS", count);

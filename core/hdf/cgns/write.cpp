@@ -2,10 +2,12 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <initializer_list>
 #include <map>
 #include <set>
 #include <span>
 
+#include "core/formats/common/group_names.h"
 #include "core/formats/hdf5/notes.h"
 #include "core/formats/numbering/cgns_order.h"
 #include "core/hdf/cgns/cgns.h"
@@ -16,23 +18,36 @@ namespace varimesh::formats {
 
 namespace {
 
-constexpr std::size_t kNameBytes = 32;
-
 using Dims = std::vector<std::int64_t>;
 
-/// A name as CGNS takes it: at most 32 characters, without a slash, and unlike those before it.
-std::string free_name(std::string_view wanted, std::set<std::string>& used) {
-  std::string name(wanted.substr(0, kNameBytes));
-  for (char& c : name)
-    if (static_cast<unsigned char>(c) < ' ' || c == '/' || static_cast<unsigned char>(c) > 126) c = '_';
-  if (name.empty() || name == "." || name == ".." || name.front() == ' ') name = "Group" + name.substr(0, 20);
-  const std::string plain = name;
-  for (int n = 2; !used.insert(name).second; ++n) {
-    const std::string ending = "_" + std::to_string(n);
-    name = plain.substr(0, kNameBytes - ending.size()) + ending;
+/// The names of the children of a node.
+class Names {
+ public:
+  explicit Names(std::initializer_list<std::string> used) : used_(used) {}
+
+  void add(const std::string& name) { used_.insert(name); }
+  /// A name as CGNS takes it: at most 32 characters, without a slash, and unlike those before it.
+  std::string free(std::string_view wanted) {
+    std::string name(wanted.substr(0, kNameBytes));
+    for (char& c : name)
+      if (static_cast<unsigned char>(c) < ' ' || c == '/' || static_cast<unsigned char>(c) > 126) c = '_';
+    if (name.empty() || name == "." || name == ".." || name.front() == ' ') name = "Group" + name.substr(0, 20);
+    const std::string plain = name;
+    while (!used_.insert(name).second) {
+      // Names with the same beginning share their numbers, so that none of these is tried for each name.
+      const std::string ending =
+          "_" + std::to_string(next_.try_emplace(plain.substr(0, kStemBytes), 2).first->second++);
+      name = plain.substr(0, kNameBytes - ending.size()) + ending;
+    }
+    return name;
   }
-  return name;
-}
+
+ private:
+  static constexpr std::size_t kNameBytes = 32, kStemBytes = kNameBytes - 11;  // what is left beside the longest number
+
+  std::set<std::string> used_;
+  std::map<std::string, int> next_;  ///< By the beginning of the names.
+};
 
 /// The blocks in the order of the file: cells, then sides. Readers such as VTK's take a zone whose first elements are
 /// points for a cloud of points, so smaller elements are left out.
@@ -150,7 +165,7 @@ class Writing {
     std::string name(reference::info(first.shape).plural);
     name[0] = char(std::toupper(static_cast<unsigned char>(name[0])));
     name += "_" + std::to_string(section);
-    in_zone_.insert(name);
+    in_zone_.add(name);
     const std::string path = std::string(kZone) + "/" + name;
     node(path, "Elements_t", "I4", {2}, {cgns_type(first), 0});
     node(path + "/ElementRange", "IndexRange_t", "I4", {2}, {before + 1, before + std::int32_t(count)});
@@ -187,18 +202,19 @@ class Writing {
     const bool cells = dimension == mesh_.dimension;
     const std::string parent = cells ? kZone : std::string(kZone) + "/ZoneBC";
     if (!cells && !members.empty()) empty(parent, "ZoneBC_t", "MT");
-    std::set<std::string> in_conditions;
-    for (const auto& [tag, numbers] : members)
-      write_group(parent, cells, tag, numbers, cells ? in_zone_ : in_conditions);
+    const auto names = group_names(mesh_, dimension);
+    Names in_conditions({});
+    for (const auto& [tag, numbers] : members) {
+      const auto named = names.find(tag);
+      const std::string name =
+          named == names.end() ? (cells ? "Cells_" : "Sides_") + std::to_string(tag) : std::string(named->second);
+      write_group(parent, cells, tag, name, numbers, cells ? in_zone_ : in_conditions);
+    }
   }
 
-  void write_group(const std::string& parent, bool cells, int tag, const std::vector<std::int32_t>& numbers,
-                   std::set<std::string>& used) {
-    std::string whole = (cells ? "Cells_" : "Sides_") + std::to_string(tag);
-    for (const PhysicalGroup& group : mesh_.physical_groups)
-      if (group.dimension == mesh_.dimension - (cells ? 0 : 1) && group.tag == tag && !group.name.empty())
-        whole = group.name;
-    const std::string name = free_name(whole, used), path = parent + "/" + name;
+  void write_group(const std::string& parent, bool cells, int tag, const std::string& whole,
+                   const std::vector<std::int32_t>& numbers, Names& used) {
+    const std::string name = used.free(whole), path = parent + "/" + name;
     if (cells)
       node(path, "ZoneSubRegion_t", "I4", {1}, {mesh_.dimension});
     else
@@ -227,7 +243,7 @@ class Writing {
   std::map<int, std::string> types_;
   hdf::Writer& writer_;
   /// What the zone has. Its groups of cells have other names than its sections.
-  std::set<std::string> in_zone_{"ZoneType", "GridCoordinates", "ZoneBC"};
+  Names in_zone_{"ZoneType", "GridCoordinates", "ZoneBC"};
 };
 
 }  // namespace

@@ -1,24 +1,15 @@
-// Meshes with very many groups: what strangers send must not take time that grows with the square of its size, because
-// nobody looks at a cancel while a mesh is written.
+// Meshes with very many groups: what strangers send must not take time that grows with the square of its size, and a
+// token stops what takes long.
 #include <gtest/gtest.h>
 
-#include <numeric>
+#include <string>
 
-#include "core/formats/formats.h"
-#include "tests/core/support/meshes.h"
+#include "core/formats/stoppable_write.h"
+#include "tests/core/support/groups.h"
 #include "tests/core/support/processor_seconds.h"
 
 namespace varimesh::formats {
 namespace {
-
-/// A square that is in this many groups, each with a name.
-HighOrderMesh square_in(int groups) {
-  HighOrderMesh mesh = testing::grid(testing::Filling::Quadrilaterals, {1, 1, 0}, 1);
-  mesh.blocks[0].physical.resize(std::size_t(groups));
-  std::iota(mesh.blocks[0].physical.begin(), mesh.blocks[0].physical.end(), 1);
-  for (const int tag : mesh.blocks[0].physical) mesh.physical_groups.push_back({2, tag, "g" + std::to_string(tag)});
-  return mesh;
-}
 
 /// A row of squares for Abaqus, each of them in a set of its own.
 std::string squares_in_sets(int count) {
@@ -39,12 +30,22 @@ class Writing : public ::testing::TestWithParam<Format> {};
 
 TEST_P(Writing, TakesTimeThatGrowsWithTheNumberOfGroups) {
   const auto time = [&](int groups) {
-    const HighOrderMesh mesh = square_in(groups);
+    const HighOrderMesh mesh = testing::square_in(groups);
     return testing::processor_seconds(
         [&] { ASSERT_TRUE(write(mesh, GetParam(), [](std::string_view) { return true; })); });
   };
   const double few = time(10'000);
   EXPECT_LT(time(80'000), 24 * few) << "8 times the number; its square takes 64 times as long";
+}
+
+TEST_P(Writing, StopsWhenItIsAskedTo) {
+  const StopToken stop([] { return true; });
+  bool came = false;
+  const auto written = write(
+      testing::square_in(10), GetParam(), [&](std::string_view) { return came = true; }, {}, 2, &stop);
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().sentence, "Writing the mesh file was stopped before its end.");
+  EXPECT_FALSE(came);
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, Writing,

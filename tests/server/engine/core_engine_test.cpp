@@ -4,16 +4,19 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <future>
 #include <memory>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "core/formats/formats.h"
 #include "core/formats/usual_memory.h"
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/most_threads.h"
 #include "tests/core/hdf/program.h"
+#include "tests/core/support/groups.h"
 
 namespace varimesh::server {
 namespace {
@@ -274,6 +277,59 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
   const auto refused = core_engine().run(request, hooks);
   ASSERT_TRUE(refused);
   EXPECT_TRUE(refused->stopped) << "it is not admitted";
+}
+
+/// A job whose result HDF5 needs some twenty seconds to make before its first byte comes.
+RunRequest slow_to_write() {
+  std::string bytes;
+  const auto written = formats::write(varimesh::testing::square_in(100'000), formats::Format::Msh41, [&](auto piece) {
+    bytes += piece;
+    return true;
+  });
+  EXPECT_TRUE(written);
+  RunRequest request;
+  request.input = std::make_shared<Bytes>(bytes);
+  request.options.threads = 1;
+  request.quality.emplace();
+  request.outputs = {v1::MESH_FORMAT_CGNS};
+  return request;
+}
+
+TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItWrites) {
+  NEEDS_HDF5();
+  const RunRequest request = slow_to_write();
+  const auto run = [&](double time_limit, const auto& control) {
+    const auto writes = std::make_shared<std::atomic<bool>>(false);
+    bool admitted = false;
+    RunHooks hooks = hooks_that_note_admission(admitted);
+    hooks.open_output = [writes](v1::MeshFormat) {
+      *writes = true;
+      return [](std::string_view) { return true; };
+    };
+    control(hooks, writes);
+    RunRequest own = request;
+    own.options.time_limit = time_limit;
+    const auto begun = std::chrono::steady_clock::now();
+    auto outcome = core_engine().run(std::move(own), hooks);
+    EXPECT_TRUE(*writes);
+    return std::pair(std::move(outcome),
+                     std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+  };
+  auto late = std::async(std::launch::async, [&] { return run(2, [](RunHooks&, const auto&) {}); });
+  const auto [cancelled, seconds] = run(
+      0, [](RunHooks& hooks, const auto& writes) { hooks.control.stop_asked = [writes] { return writes->load(); }; });
+  ASSERT_TRUE(cancelled) << cancelled.error().sentence;
+  EXPECT_TRUE(cancelled->stopped && cancelled->unwritten);
+  EXPECT_LT(seconds, 20) << "nothing has come for 10 s";
+  const auto [out_of_time, seconds_too] = late.get();
+  ASSERT_FALSE(out_of_time);
+  EXPECT_NE(out_of_time.error().sentence.find("time limit"), std::string::npos) << out_of_time.error().sentence;
+  EXPECT_LT(seconds_too, 20);
+  const auto [given_up, at_once] =
+      run(0, [](RunHooks& hooks, const auto& writes) { hooks.given_up = [writes] { return writes->load(); }; });
+  ASSERT_TRUE(given_up) << given_up.error().sentence;
+  EXPECT_TRUE(given_up->stopped && given_up->unwritten);
+  EXPECT_LT(at_once, 9) << "nobody needs the result";
 }
 
 }  // namespace

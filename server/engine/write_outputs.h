@@ -1,0 +1,20 @@
+// Writes the results of a run.
+#pragma once
+
+#include <vector>
+
+#include "core/optimise/optimiser.h"
+#include "server/engine/engine.h"
+
+namespace varimesh::server {
+
+/// Returns the formats to write: those asked for, with UNSPECIFIED replaced by the format of the input, or by MSH 4.1
+/// if that can only be read.
+std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as);
+
+/// Writes the results, and says what their formats have no place for. False if the run is to stop and they do not get
+/// on. Errors: BadInput if the time limit of the request is over, Output if a sink stopped.
+Expected<bool> write_outputs(const Result& result, const RunRequest& request, v1::MeshFormat read_as,
+                             const RunHooks& hooks);
+
+}  // namespace varimesh::server
