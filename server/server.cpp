@@ -256,7 +256,10 @@ bool Server::stop(std::chrono::milliseconds patience) {
   // The streams end first, so that watchers are told that the server stops and not that it cancels their jobs.
   // A job that has not ended at the deadline is given up with the work since its last checkpoint.
   const auto for_checkpoints = std::min<std::chrono::milliseconds>(std::chrono::seconds(10), patience / 2);
-  endpoint_->stop(deadline, [&] { scheduler_->stop(for_checkpoints); });
+  endpoint_->stop(deadline, [&] {
+    if (gateway_ != nullptr) gateway_->end_long_requests();
+    scheduler_->stop(for_checkpoints);
+  });
   running_ = !scheduler_->drain(deadline);
   return !running_;
 }

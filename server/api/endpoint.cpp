@@ -19,6 +19,8 @@ namespace {
 
 /// Threads that wait more than they work: for the calls that ask the job store, and for those that move files and hash.
 constexpr int kPoolThreads = 4, kFileThreads = 4;
+/// Threads that parse requests of megabytes. Several would take the processors from other calls.
+constexpr int kLargeThreads = 1;
 
 /// Bytes that a connection reads at once, and keeps room for while it waits.
 constexpr int kReadAtOnce = 256 << 10;
@@ -67,7 +69,8 @@ Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access
       downloads_(limits.max_downloads_per_peer),
       pool_(kPoolThreads),
       files_(kFileThreads),
-      context_{scheduler, meshes,   access,     pool_,  files_, calls_,
+      large_(kLargeThreads),
+      context_{scheduler, meshes,   access,     pool_,  files_, large_,    calls_,
                watches_,  uploads_, downloads_, limits, pages,  start_time},
       health_(context_),
       mesh_service_(context_),

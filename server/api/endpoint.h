@@ -56,7 +56,7 @@ class Endpoint {
   // In the order in which they use each other.
   CallRegistry calls_;
   PeerCounts watches_, uploads_, downloads_;
-  Pool pool_, files_;
+  Pool pool_, files_, large_;
   const ApiContext context_;
   HealthService health_;
   MeshService mesh_service_;

@@ -2,8 +2,6 @@
 
 #include <civetweb.h>
 #include <google/protobuf/util/json_util.h>
-#include <netdb.h>
-#include <netinet/in.h>
 #include <strings.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
@@ -12,13 +10,14 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <cstdlib>
-#include <filesystem>
+#include <future>
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "server/api/context.h"
+#include "server/api/requests.h"
 #include "server/http/listen.h"
+#include "server/http/open_sockets.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
@@ -59,37 +58,6 @@ int http_code(grpc::StatusCode code) {
   }
 }
 
-/// The port of an address of IP; 0: it is another one.
-int port_of(const sockaddr_storage& address) {
-  if (address.ss_family == AF_INET) return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
-  if (address.ss_family == AF_INET6) return ntohs(reinterpret_cast<const sockaddr_in6&>(address).sin6_port);
-  return 0;
-}
-
-bool is_address(const sockaddr_storage& address, const char* text) {
-  std::array<char, NI_MAXHOST> host{};
-  const socklen_t size = address.ss_family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
-  return ::getnameinfo(reinterpret_cast<const sockaddr*>(&address), size, host.data(), host.size(), nullptr, 0,
-                       NI_NUMERICHOST) == 0 &&
-         std::string_view(host.data()) == text;
-}
-
-/// The socket of a request, which civetweb keeps to itself: the one between its two ports; -1: it was not found.
-int socket_of(const mg_request_info& request) {
-  std::error_code error;
-  for (std::filesystem::directory_iterator entry("/proc/self/fd", error), end; !error && entry != end;
-       entry.increment(error)) {
-    const int file = std::atoi(entry->path().filename().c_str());
-    sockaddr_storage here{}, there{};
-    socklen_t size = sizeof here, other_size = sizeof there;
-    if (::getsockname(file, reinterpret_cast<sockaddr*>(&here), &size) == 0 && port_of(here) == request.server_port &&
-        ::getpeername(file, reinterpret_cast<sockaddr*>(&there), &other_size) == 0 &&
-        port_of(there) == request.remote_port && is_address(there, request.remote_addr))
-      return file;
-  }
-  return -1;
-}
-
 /// The header Retry-After, if the status says when to try again.
 std::string retry_header(const google::rpc::Status& status) {
   google::rpc::RetryInfo retry;
@@ -100,8 +68,8 @@ std::string retry_header(const google::rpc::Status& status) {
 
 }  // namespace
 
-HttpExchange::HttpExchange(mg_connection* connection)
-    : connection_(connection), request_(*mg_get_request_info(connection)) {}
+HttpExchange::HttpExchange(mg_connection* connection, Pool& large_texts)
+    : connection_(connection), request_(*mg_get_request_info(connection)), large_texts_(large_texts) {}
 
 std::string_view HttpExchange::method() const { return request_.request_method; }
 
@@ -153,15 +121,27 @@ Answer<void> HttpExchange::expect(std::string_view type) const {
 
 std::int64_t HttpExchange::size() const { return request_.content_length; }
 
+int HttpExchange::socket() {
+  if (!socket_) socket_ = socket_of(request_);
+  return *socket_;
+}
+
+void HttpExchange::in_turn(std::size_t bytes, const std::function<void()>& work) {
+  if (bytes <= kMostRequestBytes) return work();
+  const auto task = std::make_shared<std::packaged_task<void()>>(work);
+  std::future<void> done = task->get_future();
+  large_texts_.post([task] { (*task)(); }, header("Authorization") + " " + address());
+  done.get();
+}
+
 std::size_t HttpExchange::read_some(char* bytes, std::size_t count, Pauses pauses) {
   // civetweb waits for all bytes that it is asked for as long as some of them come, so it is asked for those that are
   // there, or for one. After two seconds without any it says 0, and -1 if the client is gone.
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  if (!socket_) socket_ = socket_of(request_);
   std::size_t have = 0;
   while (have < count && std::chrono::steady_clock::now() < deadline) {
     int there = 0;
-    if (*socket_ < 0 || ::ioctl(*socket_, FIONREAD, &there) != 0) there = 0;
+    if (socket() < 0 || ::ioctl(socket(), FIONREAD, &there) != 0) there = 0;
     const std::size_t wanted = std::min(static_cast<std::size_t>(std::max(there, 1)), count - have);
     const int got = mg_read(connection_, bytes + have, wanted);
     if (got < 0 || (got == 0 && pauses == Pauses::Short)) break;
@@ -179,6 +159,14 @@ Answer<void> HttpExchange::read(google::protobuf::Message* message, std::size_t 
   if (read_some(body.data(), count, Pauses::Short) < count)
     return bad_request("The body of the request did not come at once.");
   return read_json(body, message);
+}
+
+Answer<void> HttpExchange::read_json(const std::string& text, google::protobuf::Message* message) {
+  google::protobuf::util::Status parsed;
+  in_turn(text.size(), [&] { parsed = JsonStringToMessage(text, message); });
+  if (parsed.ok()) return {};
+  return bad_request("The body is no JSON of " + message->GetDescriptor()->full_name() + " (" +
+                     std::string(parsed.message()) + ").");
 }
 
 void HttpExchange::pass_on(grpc::ClientContext& context) const {
@@ -214,6 +202,9 @@ bool HttpExchange::send(std::string_view bytes) {
 }
 
 void HttpExchange::begin_events() {
+  // Otherwise megabytes wait for a client that reads nothing, and its place is kept until all of them are full.
+  constexpr int kMostWaiting = 64 << 10;
+  ::setsockopt(socket(), SOL_SOCKET, SO_SNDBUF, &kMostWaiting, sizeof kMostWaiting);
   // nginx and others would keep events back until they have many.
   mg_printf(connection_,
             "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n%sCache-Control: no-store\r\n"
@@ -237,7 +228,9 @@ void HttpExchange::answer_nothing() {
 
 void HttpExchange::answer(const google::protobuf::Message& message) {
   std::string text;
-  if (!MessageToJsonString(message, &text).ok())
+  bool is_written = false;
+  in_turn(message.ByteSizeLong(), [&] { is_written = MessageToJsonString(message, &text).ok(); });
+  if (!is_written)
     return refuse({grpc::StatusCode::INTERNAL, "The answer cannot be written as JSON; please report it."});
   answer_json(text + "\n");
 }
@@ -256,13 +249,6 @@ void HttpExchange::refuse(const grpc::Status& status, int http, const std::strin
   const int code = http != 0 ? http : http_code(status.error_code());
   const std::string headers = more + retry_header(full) + (code == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
   send_http(connection_, code, kJsonType, text + "\n", headers.c_str());
-}
-
-Answer<void> read_json(const std::string& text, google::protobuf::Message* message) {
-  const auto parsed = JsonStringToMessage(text, message);
-  if (parsed.ok()) return {};
-  return bad_request("The body is no JSON of " + message->GetDescriptor()->full_name() + " (" +
-                     std::string(parsed.message()) + ").");
 }
 
 Refusal unknown_field(const std::string& name, const std::string& known) {

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "server/failure.h"
+#include "server/resources/pool.h"
 
 struct mg_connection;
 struct mg_request_info;
@@ -29,7 +31,8 @@ struct ByteRange {
 /// Reads a request and answers it. One thread at a time.
 class HttpExchange {
  public:
-  explicit HttpExchange(mg_connection* connection);
+  /// @param large_texts  a thread that reads and writes large texts of JSON
+  HttpExchange(mg_connection* connection, Pool& large_texts);
 
   std::string_view method() const;
   /// Without the query; percent signs are decoded.
@@ -49,6 +52,8 @@ class HttpExchange {
   Answer<void> expect(std::string_view type) const;
   /// The size of the body, in bytes; negative if it is not known.
   std::int64_t size() const;
+  /// The socket to the client; negative: it was not found.
+  int socket();
   /// How long a client may send nothing: a few seconds, or as long as a piece may take.
   enum class Pauses { Short, Long };
   /// Reads this many bytes of the body, which has them. Returns how many came; fewer if the client is gone, or if there
@@ -57,6 +62,9 @@ class HttpExchange {
   /// Reads a body of JSON into a message. INVALID_ARGUMENT if it is not declared as JSON, has more than `most` bytes,
   /// does not come soon, or is no JSON of this message.
   Answer<void> read(google::protobuf::Message* message, std::size_t most);
+
+  /// Reads JSON into a message. INVALID_ARGUMENT if it is no JSON of this message.
+  Answer<void> read_json(const std::string& text, google::protobuf::Message* message);
 
   /// Gives a call what the request says about its caller.
   void pass_on(grpc::ClientContext& context) const;
@@ -95,16 +103,17 @@ class HttpExchange {
   void refuse(const grpc::Status& status, int http = 0, const std::string& more = {});
 
  private:
+  /// Does work on a text or message of this size, and waits for it. A processor may need half a second for a large one.
+  /// Of those, one is worked on at a time, and callers take turns, so that other requests do not wait for them.
+  void in_turn(std::size_t bytes, const std::function<void()>& work);
   /// Whether the client knows chunks, the end of which shows that nothing is missing.
   bool has_chunks() const;
 
   mg_connection* const connection_;
   const mg_request_info& request_;
+  Pool& large_texts_;
   std::optional<int> socket_;  ///< Once it was looked for.
 };
-
-/// Reads JSON into a message. INVALID_ARGUMENT if it is no JSON of this message.
-Answer<void> read_json(const std::string& text, google::protobuf::Message* message);
 
 /// INVALID_ARGUMENT: the query has a field that is none of the known ones.
 Refusal unknown_field(const std::string& name, const std::string& known);

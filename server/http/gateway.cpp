@@ -62,9 +62,10 @@ Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, st
 }
 
 int Gateway::handle(mg_connection* connection) {
-  HttpExchange exchange(connection);
+  const auto* const gateway = static_cast<const Gateway*>(mg_get_request_info(connection)->user_data);
+  HttpExchange exchange(connection, gateway->large_texts_);
   try {
-    static_cast<const Gateway*>(mg_get_request_info(connection)->user_data)->answer(exchange);
+    gateway->answer(exchange);
   } catch (const std::exception&) {  // out of memory, if anything
     exchange.refuse(
         {grpc::StatusCode::UNAVAILABLE, "The server has too little memory to answer now; try again later."});
@@ -131,6 +132,7 @@ void Gateway::work_long(HttpExchange& exchange, Method method, Places& places,
   const auto own = places.of_peer.take(*peer), place = places.all.take("");
   if (own == nullptr) return exchange.refuse(status(peer_limit(*peer, places.of_peer.most(), places.what)));
   if (place == nullptr) return exchange.refuse(status(peer_limit("all callers", places.all.most(), places.what)));
+  const auto open = open_.add(exchange.socket());
   work();
 }
 

@@ -13,7 +13,9 @@
 #include "server/failure.h"
 #include "server/http/exchange.h"
 #include "server/http/listen.h"
+#include "server/http/open_sockets.h"
 #include "server/http/routes.h"
+#include "server/resources/pool.h"
 #include "server/streams/peer_counts.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
@@ -38,6 +40,9 @@ class Gateway {
   /// The address with the port that was chosen.
   const std::string& address() const { return http_.address(); }
 
+  /// Cuts uploads, downloads and watches, now and later, because the server stops: their clients come again.
+  void end_long_requests() { open_.shut_down(); }
+
  private:
   Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit);
   static int handle(mg_connection* connection);
@@ -60,6 +65,8 @@ class Gateway {
   const std::unique_ptr<v1::OptimiseService::Stub> optimise_;
   const Admit admit_;
   mutable Places transfers_, submissions_, watches_;
+  mutable OpenSockets open_;  ///< Of the requests that have such a place.
+  mutable Pool large_texts_{1};
   HttpServer http_;  ///< The last member, so that its threads end first.
 };
 

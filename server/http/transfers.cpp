@@ -110,7 +110,7 @@ bool read_piece(HttpExchange& exchange, std::int64_t left, std::string* piece) {
 }
 
 /// The job in the first part of a form. The second one is the mesh.
-Answer<v1::JobSpec> spec_of(Multipart& parts) {
+Answer<v1::JobSpec> spec_of(HttpExchange& exchange, Multipart& parts) {
   constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as SubmitJob may have
   const auto order = bad_request("The form must have the part spec, which is JSON, and then the part mesh.");
   const auto first = parts.next();
@@ -126,7 +126,7 @@ Answer<v1::JobSpec> spec_of(Multipart& parts) {
       return bad_request("The part spec may have " + std::to_string(kMostBytes) + " bytes.");
   }
   v1::JobSpec spec;
-  if (const auto read = read_json(text, &spec); !read) return tl::unexpected(read.error());
+  if (const auto read = exchange.read_json(text, &spec); !read) return tl::unexpected(read.error());
   const auto second = parts.next();
   if (!second) return tl::unexpected(second.error());
   if (*second != "mesh") return order;
@@ -237,7 +237,7 @@ void receive_job(HttpExchange& exchange, v1::OptimiseService::Stub& optimise, co
   const auto expected = exchange.expect(kFormType);
   Multipart parts(exchange);
   v1::OptimiseRequest message;
-  auto spec = expected ? spec_of(parts) : tl::unexpected(expected.error());
+  auto spec = expected ? spec_of(exchange, parts) : tl::unexpected(expected.error());
   if (!spec) return exchange.refuse(status(spec.error()));
   const std::string digest = spec->mesh().digest();
   spec->mutable_mesh()->clear_digest();

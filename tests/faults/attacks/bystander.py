@@ -1,11 +1,12 @@
 """The other owner, who works while the server is attacked: a process of its own, so that the attacker's work in Python does not
 delay what it measures.
 
-Its first line of input is JSON with the address, the token and the files of TLS. Then a line 'begin' starts a measurement, and
-'end' prints it as JSON: the seconds that each ping and each small job took, and the sentences of those that failed. A job is an
+Its first line of input is JSON with the address, the token, the files of TLS, and the address of --http or null. Then a line 'begin' starts a measurement, and
+'end' prints it as JSON: the seconds that each ping, each small job and, with --http, each request took, and the sentences of those that failed. A job is an
 upload of a mesh that the server does not have, its run, its result, and the deletion of all three.
 """
 import hashlib
+import http.client
 import json
 import sys
 import threading
@@ -98,6 +99,20 @@ class Measurement:
             time.sleep(pause)
 
 
+def over_http(place, token):
+    """What the server is, asked over a connection of its own."""
+    asking = http.client.HTTPConnection(place, timeout=PATIENCE)
+    try:
+        asking.request("GET", "/v1/info", headers={"Authorization": "Bearer " + token})
+        answer = asking.getresponse()
+        assert answer.status == 200, answer.read()
+        answer.read()
+    except (OSError, http.client.HTTPException) as error:
+        raise AssertionError(repr(error)) from error
+    finally:
+        asking.close()
+
+
 def small_job(owner, mesh):
     """A mesh of a name that no mesh had before, optimised."""
     data = mesh + f"$Comments\n{uuid.uuid4().hex}\n$EndComments\n".encode()
@@ -110,11 +125,13 @@ def small_job(owner, mesh):
 
 def main():
     settings = json.loads(sys.stdin.readline())
-    mesh = Path(settings.pop("mesh")).read_bytes()
+    mesh, place = Path(settings.pop("mesh")).read_bytes(), settings.pop("http")
     pinging, working = Owner(**settings), Owner(**settings)
     ping = service_pb2.GetServerInfoRequest()
     measured = {"ping": Measurement(lambda: pinging.call(pinging.jobs.GetServerInfo, ping), 0.01),
                 "job": Measurement(lambda: small_job(working, mesh), 0.01)}
+    if place:
+        measured["request over HTTP"] = Measurement(lambda: over_http(place, settings["token"]), 0.01)
     for line in sys.stdin:
         begins = line.strip() == "begin"
         for one in measured.values():

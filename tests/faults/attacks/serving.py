@@ -63,9 +63,15 @@ class Attacked:
     def works(self):
         """The process of the owner who works."""
         process = subprocess.Popen([sys.executable, HERE / "bystander.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        process.stdin.write(json.dumps({**self.settings("ann"), "mesh": str(MESH)}) + "\n")
+        process.stdin.write(json.dumps({**self.settings("ann"), "mesh": str(MESH), "http": self.http()}) + "\n")
         process.stdin.flush()
         return process
+
+    def http(self):
+        """HOST:PORT of --http; none if the server was started without it."""
+        if "--http" not in self.flags:
+            return None
+        return until(lambda: (found := re.findall(r"http://(127\.0\.0\.1:\d+)/v1/", self.log())) and found[0])
 
     def memory(self):
         """MiB that the server and the processes of its jobs have."""
