@@ -20,7 +20,7 @@ BLOCK = re.compile(r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<kind>\w*)\n(?P<text
 
 # Pages whose commands are run by other tests.
 ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflows.md": "tests/deploy/workflows_test.py",
-             "http.md": "tests/server/http/http_test.py"}
+             "http.md": "tests/server/http/calls_test.py"}
 
 # Blocks that are not run here, by page and first words, with the reason.
 NOT_HERE = {

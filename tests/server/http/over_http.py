@@ -12,6 +12,13 @@ sys.path.insert(0, str(Path(os.environ["VARIMESH_SOURCE_DIR"]) / "tests" / "clie
 from programs import MESH, Server, WithFolder, run
 
 JSON = {"Content-Type": "application/json"}
+UNKNOWN = "jobs/" + "0" * 32
+# Every call, as a method and a path; JOB stands for the number of a job.
+CALLS = [("GET", "/v1/info"), ("POST", "/v1/jobs"), ("GET", "/v1/jobs"), ("GET", "/v1/jobs/JOB"), ("POST", "/v1/jobs/JOB/cancel"),
+         ("DELETE", "/v1/jobs/JOB"), ("GET", "/v1/jobs/JOB/result"), ("GET", "/v1/jobs/JOB/events?after=99999999999"), ("POST", "/v1/meshes?digest=" + "0" * 64),
+         ("GET", "/v1/uploads/one?digest=" + "0" * 64)]
+DOCUMENT = ("GET", "/v1/openapi.json")
+BYTES = {"Content-Type": "application/octet-stream"}
 
 
 class WithHttp(WithFolder):
