@@ -1,8 +1,6 @@
 #include "client/cli/help.h"
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +9,7 @@
 #include "client/cli/command_facts.h"
 #include "client/cli/names.h"
 #include "client/process/exit_status.h"
+#include "core/options/help_text.h"
 #include "core/options/nearest_word.h"
 
 namespace varimesh::client {
@@ -23,59 +22,12 @@ constexpr std::array<std::string_view, 20> kCommonFlags = {
     "--json",  "--quiet",      "--geometry",    "--slide-on", "--layers",        "--objective", "--until",
     "--order", "--time-limit", "--merge-nodes", "--threads",  "--fix",           "--priority"};
 
-constexpr std::size_t kMeaningColumn = 26;  ///< Where the meanings of terms begin.
-
-/// The number of characters of UTF-8 text; bytes that continue a character are not counted.
-std::size_t length(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
-}
-
-std::size_t terminal_width() {
-  winsize size{};
-  if (isatty(STDOUT_FILENO) == 1 && ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
-    return std::clamp<std::size_t>(size.ws_col, 60, 120);
-  return 100;
-}
-
-/// Wraps text into lines from `column` to `width`. The first line has `at` characters already.
-std::string wrapped(const std::string& text, std::size_t at, std::size_t column, std::size_t width) {
-  std::string out;
-  std::size_t from = 0;
-  bool first = true;
-  while (from < text.size()) {
-    const std::size_t end = std::min(text.find(' ', from), text.size());
-    const std::string word = text.substr(from, end - from);
-    from = end + 1;
-    if (at < column) {
-      out += std::string(column - at, ' ');
-      at = column;
-    } else if (!first && at + 1 + length(word) > width) {
-      out += "\n" + std::string(column, ' ');
-      at = column;
-    } else if (!first) {
-      out += ' ';
-      ++at;
-    }
-    out += word;
-    at += length(word);
-    first = false;
-  }
-  return out + "\n";
-}
-
-/// A term and its meaning, in two columns.
-std::string entry(const std::string& term, const std::string& meaning, std::size_t width) {
-  const std::string start = "  " + term;
-  if (length(start) + 2 > kMeaningColumn) return start + "\n" + wrapped(meaning, 0, kMeaningColumn, width);
-  return start + wrapped(meaning, length(start), kMeaningColumn, width);
-}
-
 std::string entry(const FlagFacts& flag, std::size_t width) {
   std::string name = joined(flag.names, ", ");
   if (!flag.argument && !flag.value.empty()) name += " " + flag.value;
   std::string help = flag.help;
   if (flag.required && !flag.argument) help += " (required)";
-  return entry(name, help, width);
+  return help_entry(name, help, width);
 }
 
 /// `command` prints the list of all words that would be right.
@@ -157,7 +109,7 @@ std::string unknown_word(const CLI::App& program, const std::vector<std::string>
 }
 
 std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormatMode mode) const {
-  const std::size_t width = width_ > 0 ? static_cast<std::size_t>(width_) : terminal_width();
+  const std::size_t width = width_ > 0 ? static_cast<std::size_t>(width_) : help_width();
   const CommandFacts facts = facts_of(*command);
   const auto commands = subcommand_facts(*command);
   std::string out = wrapped(facts.purpose, 0, 0, width) + "\nExamples:\n";
@@ -165,12 +117,12 @@ std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormat
 
   out += "\nUsage: " + usage(facts, !commands.empty());
   if (!commands.empty()) out += "\nCommands:\n";
-  for (const CommandFacts& one : commands) out += entry(one.name, one.purpose, width);
+  for (const CommandFacts& one : commands) out += help_entry(one.name, one.purpose, width);
   out += arguments_and_flags(facts, width, mode == CLI::AppFormatMode::All || !has_brief_help(facts.name));
   if (!commands.empty()) {
     out += "\nExit status:\n";
     for (const ExitStatusMeaning& one : exit_statuses())
-      out += entry(std::to_string(one.status), std::string(one.meaning), width);
+      out += help_entry(std::to_string(one.status), std::string(one.meaning), width);
   }
   return out;
 }

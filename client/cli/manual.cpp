@@ -6,39 +6,21 @@
 
 #include "client/process/exit_status.h"
 #include "core/base/version.h"
+#include "core/options/help_text.h"
 
 namespace varimesh::client {
 namespace {
 
-/// Text for troff: dashes that can be copied, and no line that looks like a request.
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '\\')
-      out += "\\e";
-    else if (c == '-')
-      out += "\\-";
-    else
-      out += c;
-  }
-  return !out.empty() && (out[0] == '.' || out[0] == '\'') ? "\\&" + out : out;
-}
-
-std::string item(const std::string& term, std::string_view meaning) {
-  return ".TP\n" + term + "\n" + escaped(meaning) + "\n";
-}
-
 std::string flag_item(const FlagFacts& flag) {
   std::string term;
-  for (const std::string& name : flag.names) term += (term.empty() ? "" : ", ") + ("\\fB" + escaped(name) + "\\fR");
-  if (!flag.argument && !flag.value.empty()) term += " \\fI" + escaped(flag.value) + "\\fR";
-  return item(term, flag.help + (flag.required && !flag.argument ? " (required)" : ""));
+  for (const std::string& name : flag.names) term += (term.empty() ? "" : ", ") + ("\\fB" + troff_text(name) + "\\fR");
+  if (!flag.argument && !flag.value.empty()) term += " \\fI" + troff_text(flag.value) + "\\fR";
+  return troff_item(term, flag.help + (flag.required && !flag.argument ? " (required)" : ""));
 }
 
 std::string examples(const CommandFacts& facts) {
   std::string out = ".SH EXAMPLES\n";
-  for (const Example& example : facts.examples)
-    out += ".PP\n" + escaped(example.what) + "\n.PP\n.RS\n.nf\n" + escaped(example.line) + "\n.fi\n.RE\n";
+  for (const Example& example : facts.examples) out += troff_example(example.what, example.line);
   return out;
 }
 
@@ -49,7 +31,7 @@ std::string manual_page(const CommandFacts& facts, const std::vector<CommandFact
   std::string title = name;
   std::transform(title.begin(), title.end(), title.begin(), ::toupper);
   std::string synopsis = "\\fBvarimesh\\fR";
-  synopsis += facts.name.empty() ? " \\fICOMMAND\\fR" : " \\fB" + escaped(facts.name) + "\\fR [\\fIOPTIONS\\fR]";
+  synopsis += facts.name.empty() ? " \\fICOMMAND\\fR" : " \\fB" + troff_text(facts.name) + "\\fR [\\fIOPTIONS\\fR]";
   std::string arguments, options, group;
   for (const FlagFacts& flag : facts.flags) {
     if (flag.argument) {
@@ -62,13 +44,13 @@ std::string manual_page(const CommandFacts& facts, const std::vector<CommandFact
   }
   std::string out =
       fmt::format(".TH {} 1 \"\" \"varimesh {}\" \"User Commands\"\n.SH NAME\n{} \\- {}\n.SH SYNOPSIS\n{}\n",
-                  escaped(title), version(), escaped(name), escaped(facts.purpose), synopsis);
+                  troff_text(title), version(), troff_text(name), troff_text(facts.purpose), synopsis);
   out += examples(facts);
   if (!commands.empty()) out += ".SH COMMANDS\n";
-  for (const CommandFacts& one : commands) out += item("\\fB" + one.name + "\\fR", one.purpose);
+  for (const CommandFacts& one : commands) out += troff_item("\\fB" + one.name + "\\fR", one.purpose);
   if (!arguments.empty()) out += ".SH ARGUMENTS\n" + arguments;
   out += ".SH OPTIONS\n" + options + ".SH EXIT STATUS\n";
-  for (const ExitStatusMeaning& one : exit_statuses()) out += item(std::to_string(one.status), one.meaning);
+  for (const ExitStatusMeaning& one : exit_statuses()) out += troff_item(std::to_string(one.status), one.meaning);
   if (!facts.name.empty()) out += ".SH SEE ALSO\n\\fBvarimesh\\fR(1)\n";
   return out;
 }

@@ -11,6 +11,7 @@
 #include "core/base/version.h"
 #include "core/options/nearest_word.h"
 #include "server/command_line/configuration.h"
+#include "server/command_line/help.h"
 #include "server/command_line/token_command.h"
 #include "server/maintenance/commands.h"
 
@@ -258,29 +259,37 @@ struct Program {
     limits.max_priority = 100;
 
     describe_commands(app);
-    app.footer("varimeshd SUBCOMMAND --help says more.");
-    app.set_version_flag("--version", std::string(version()));
+    app.set_help_flag("-h,--help", "Print this help and exit");
+    app.set_version_flag("--version", std::string(version()), "Print the version and exit");
     app.add_option(
         "--config", config,
         "File with settings, one 'key = value' each, with the names of these options without dashes. Options "
         "and the environment variables VARIMESHD_KEY (such as VARIMESHD_MAX_PRIORITY) go before the file "
         "(default: the environment variable VARIMESHD_CONFIG)");
     app.add_flag("--print-config", print_config, "Print all settings, with where they come from, and end");
+    put_under(app, "Help and settings");
     add_connection_flags(app, flags);
+    put_under(app, "Addresses, callers and the log");
     app.add_option("--watchdog-seconds", units.watchdog_seconds,
                    "Seconds without an answer to the server's own calls after which it ends with status 1, for whoever "
                    "starts it again; 0: never")
         ->capture_default_str()
         ->check(CLI::Range(0.0, 86400.0));
     add_resource_flags(app, flags);
+    put_under(app, "Running jobs");
     add_queue_flags(app, limits);
+    put_under(app, "Limits of jobs and callers");
     add_state_flags(app, flags.options, units);
+    put_under(app, "What is kept, and for how long");
     add_database_flags(app, flags, units);
+    put_under(app, "Several servers with one database");
     app.add_option("--drain-seconds,--drain-timeout", flags.drain_seconds,
                    "Seconds that the running jobs may take to end when the server stops")
         ->capture_default_str()
         ->check(CLI::NonNegativeNumber);
+    put_under(app, "Running jobs");
     token_command = &add_token_command(app, exit_status);
+    add_help(app);
     let_later_values_win(app);
   }
 
@@ -363,6 +372,10 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
     return std::nullopt;
   } catch (const CLI::ParseError& error) {
     *exit_status = program.app.exit(error) == 0 ? 0 : 2;
+    return std::nullopt;
+  }
+  if (const std::string text = asked_text(program.app); !text.empty()) {
+    std::cout << text;
     return std::nullopt;
   }
   if (program.print_config) {

@@ -2,6 +2,7 @@
 import contextlib
 import signal
 import os
+import re
 import sqlite3
 import subprocess
 import time
@@ -17,6 +18,28 @@ class Varimeshd(WithFolder):
             done = subprocess.run([VARIMESHD, word], capture_output=True, text=True, timeout=20)
             self.assertEqual(done.returncode, 2)
             self.assertIn(meant, done.stderr)
+
+    def test_help_has_examples_and_headings_and_the_manual_has_the_same(self):
+        shown, manual = (subprocess.run([VARIMESHD, word], capture_output=True, text=True, check=True, timeout=20).stdout
+                         for word in ("--help", "man"))
+        self.assertIn("\nExamples:\n  # serve the programs of this user on this machine\n  varimeshd\n", shown)
+        self.assertLessEqual(max(map(len, shown.splitlines())), 100)
+        headings = re.findall(r"^([A-Z].*):$", shown, re.MULTILINE)
+        self.assertEqual(headings[0], "Examples")
+        self.assertEqual(headings[-5:], re.findall(r"^\.SS (.*)$", manual, re.MULTILINE)[1:])
+        options = re.findall(r"^  (?:-\w, )?(--[a-z-]+)", shown, re.MULTILINE)
+        self.assertGreater(len(options), 40)
+        for option in options:
+            self.assertIn("\\fB" + option.replace("-", "\\-") + "\\fR", manual)
+        for shell in ("bash", "zsh", "fish"):
+            script = subprocess.run([VARIMESHD, "completion", shell], capture_output=True, text=True, check=True).stdout
+            for option in options:
+                self.assertIn(option if shell != "fish" else f"-l {option[2:]}", script)
+        completed = subprocess.run(["bash", "-c", f"source <({VARIMESHD} completion bash); COMP_WORDS=(varimeshd --max-mesh); "
+                                    "COMP_CWORD=1; _varimeshd; echo ${COMPREPLY[@]}"], capture_output=True, text=True)
+        self.assertEqual(completed.stdout, "--max-mesh-bytes\n", completed.stderr)
+        for line in re.findall(r"^  (varimeshd .*--print-config)$", shown, re.MULTILINE):
+            subprocess.run([VARIMESHD, *line.split()[1:]], check=True, capture_output=True)
 
     def test_refuses_addresses_beyond_loopback(self):
         done = subprocess.run([VARIMESHD, "--listen", "0.0.0.0:0"], capture_output=True, text=True, timeout=20)
