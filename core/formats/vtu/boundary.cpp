@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <span>
+#include <string>
 #include <unordered_map>
 
+#include "core/formats/vtu/write.h"
 #include "core/mesh/changes/serendipity_elements.h"
 #include "core/mesh/changes/shared_nodes.h"
 #include "core/reference/nodes.h"
@@ -94,47 +96,94 @@ std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh) {
   return cells;
 }
 
-std::vector<const ElementBlock*> lines_on_edges(const HighOrderMesh& mesh) {
-  std::vector<const ElementBlock*> lines;
-  for (const ElementBlock& block : mesh.blocks)
-    if (mesh.dimension == 2 && block.shape == Shape::Line && block.order > 1) lines.push_back(&block);
-  if (lines.empty()) return lines;
-  const Sides sides(mesh);
-  std::erase_if(lines, [&](const ElementBlock* block) {
-    const std::size_t each = nodes_per_element(*block);
-    for (const std::int32_t* nodes = block->nodes.data(); nodes != block->nodes.data() + block->nodes.size();
-         nodes += each) {
-      const Side& side = sides.at(*block, nodes);
-      if (side.cell < 0 || side.block->order != block->order ||
-          !std::ranges::equal(line_on(side, nodes[0]), std::span(nodes, each)))
-        return true;
-    }
-    return false;
-  });
-  return lines;
+bool is_written_straight(const HighOrderMesh& mesh, const ElementBlock& block) {
+  return mesh.dimension == 2 && block.shape == Shape::Line && block.order > 1;
 }
 
-void curve_lines(HighOrderMesh& mesh, FileAllowance& allowance) {
+std::vector<std::int32_t> loose_lines(const HighOrderMesh& mesh) {
+  std::vector<std::int32_t> list;
+  if (std::ranges::none_of(mesh.blocks, [&](const auto& block) { return is_written_straight(mesh, block); }))
+    return list;
+  const Sides sides(mesh);
+  std::int32_t place = 0;
+  for_elements(mesh, 1, [&](const ElementBlock& block, const std::int32_t* nodes) {
+    const std::span own(nodes, nodes_per_element(block));
+    const Side& side = sides.at(block, nodes);
+    const bool on_edge =
+        side.cell >= 0 && side.block->order == block.order && std::ranges::equal(line_on(side, nodes[0]), own);
+    if (block.order > 1 && !on_edge) {
+      list.insert(list.end(), {place, block.order});
+      list.insert(list.end(), own.begin(), own.end());
+    }
+    ++place;
+  });
+  return list;
+}
+
+namespace {
+
+/// The lines of a list, by their places.
+class ListedLines {
+ public:
+  ListedLines(const HighOrderMesh& mesh, const std::vector<std::int32_t>& list, FileAllowance& allowance) {
+    for (std::size_t at = 0; at < list.size();) {
+      const std::int32_t order = at + 1 < list.size() ? list[at + 1] : 0;
+      const std::size_t count = order >= 1 && order <= kMaxOrder ? std::size_t(order) + 1 : list.size();
+      if (at + 2 + count > list.size()) fail("ends within a line, or has an order that no line has");
+      const std::span nodes(list.data() + at + 2, count);
+      if (std::ranges::any_of(nodes, [&](auto node) { return node < 0 || std::size_t(node) >= mesh.node_count(); }))
+        fail("refers to a point that is not in the file");
+      allowance.take(1, kTreeNode);
+      lines_[list[at]] = nodes;
+      at += 2 + count;
+    }
+  }
+
+  /// The nodes of the line at this place if it has these ends; otherwise nothing.
+  std::span<const std::int32_t> at(std::int32_t place, const std::int32_t* ends) const {
+    const auto found = lines_.find(place);
+    if (found == lines_.end() || found->second[0] != ends[0] || found->second[1] != ends[1]) return {};
+    return found->second;
+  }
+
+ private:
+  [[noreturn]] static void fail(const std::string& what) {
+    throw ReadFailure{"The mesh file cannot be read: its list of curved lines, " + std::string(kVtkLines) + ", " +
+                      what + "."};
+  }
+
+  std::unordered_map<std::int32_t, std::span<const std::int32_t>> lines_;
+};
+
+}  // namespace
+
+void curve_lines(HighOrderMesh& mesh, const std::vector<std::int32_t>& listed, FileAllowance& allowance) {
   const auto is_straight = [](const ElementBlock& block) { return block.shape == Shape::Line && block.order == 1; };
   const auto is_curved = [](const ElementBlock& block) {
     return reference::info(block.shape).dimension == 2 && block.order > 1;
   };
   if (mesh.dimension != 2 || std::ranges::none_of(mesh.blocks, is_straight) ||
-      std::ranges::none_of(mesh.blocks, is_curved))
+      (listed.empty() && std::ranges::none_of(mesh.blocks, is_curved)))
     return;
+  const ListedLines list(mesh, listed, allowance);
   for (const ElementBlock& block : mesh.blocks)
     if (is_straight(block)) allowance.take(block.size(), kTreeNode + sizeof(Side));
   const Sides sides(mesh);
   std::vector<ElementBlock> blocks;
+  std::int32_t place = 0;
   for (ElementBlock& block : mesh.blocks) {
     if (!is_straight(block)) {
+      if (block.shape == Shape::Line) place += std::int32_t(block.size());
       blocks.push_back(std::move(block));  // its nodes stay where they are, so `sides` may refer to them
       continue;
     }
     for (std::size_t e = 0; e < block.size(); ++e) {
       const std::int32_t* ends = block.nodes.data() + 2 * e;
       const Side& side = sides.at(block, ends);
-      const std::vector<std::int32_t> nodes = side.cell >= 0 ? line_on(side, ends[0]) : std::vector{ends[0], ends[1]};
+      const std::span<const std::int32_t> own = list.at(place++, ends);
+      const std::vector<std::int32_t> nodes = !own.empty()     ? std::vector(own.begin(), own.end())
+                                              : side.cell >= 0 ? line_on(side, ends[0])
+                                                               : std::vector{ends[0], ends[1]};
       const int order = int(nodes.size()) - 1;
       if (e == 0 || blocks.back().order != order) {
         allowance.take(1, sizeof(ElementBlock));

@@ -1,7 +1,7 @@
-// The elements of the boundary in VTU files: which cell has each, and lines at the edge of plane meshes. VTK 9.1
-// crashes when it draws curved lines (types 21, 35 and 68) with subdivisions, and meshio does not read polylines. So
-// these lines are written as straight ones, with their ends, and get the nodes between from the cell that has the edge
-// when they are read. Internal to core/formats.
+// The elements of the boundary in VTU files: which cell has each, and lines in plane meshes. VTK 9.1 crashes when it
+// draws curved lines (types 21, 35 and 68) with subdivisions, and meshio does not read polylines. So curved lines are
+// written as straight ones, with their ends. When they are read, they get the nodes between from the cell that has the
+// edge, or, if no cell has it, from a list in the file. Internal to core/formats.
 #pragma once
 
 #include <cstdint>
@@ -15,11 +15,16 @@ namespace varimesh::formats {
 /// For each element of the boundary, block by block, the number of a cell with the same side; −1 if there is none.
 std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh);
 
-/// The blocks of curved lines, in a mesh of dimension 2, whose nodes are all nodes of edges of cells.
-std::vector<const ElementBlock*> lines_on_edges(const HighOrderMesh& mesh);
+/// Whether the lines of the block are written as straight ones.
+bool is_written_straight(const HighOrderMesh& mesh, const ElementBlock& block);
 
-/// Gives lines of order 1 in a mesh of dimension 2 the nodes of the edge of a cell of higher order with the same ends.
-/// Throws ReadFailure if this takes more memory than the file allows.
-void curve_lines(HighOrderMesh& mesh, FileAllowance& allowance);
+/// The list of the curved lines, in a mesh of dimension 2, that lie on no edge of a cell. Each has its place among all
+/// lines of the mesh, its order, and its nodes.
+std::vector<std::int32_t> loose_lines(const HighOrderMesh& mesh);
+
+/// Gives lines of order 1 in a mesh of dimension 2 the nodes that are listed for them, or those of the edge of a cell
+/// of higher order with the same ends. A listed line with other ends is left out: another program has changed the file.
+/// Throws ReadFailure if the list is damaged, or if this takes more memory than the file allows.
+void curve_lines(HighOrderMesh& mesh, const std::vector<std::int32_t>& listed, FileAllowance& allowance);
 
 }  // namespace varimesh::formats

@@ -39,7 +39,7 @@ class Reading {
     drop_added_points();
     for (const ElementBlock& block : mesh_.blocks)
       mesh_.dimension = std::max(mesh_.dimension, reference::info(block.shape).dimension);
-    curve_lines(mesh_, allowance_);
+    curve_lines(mesh_, lines_, allowance_);
     for (const ElementBlock& block : mesh_.blocks)
       if (reference::info(block.shape).dimension == mesh_.dimension) mesh_.order = block.order;
     allowance_.take(mesh_.node_count(), sizeof(std::int64_t));
@@ -138,10 +138,9 @@ class Reading {
     if (!are_unique(numbers_)) numbers_.clear();
     for (const VtkArray& array : declared_.field_data) {
       if (array.type.starts_with("Float") || array.components > 2) continue;
-      if (array.name == kVtkPyramids) {
-        read_pyramids(array);
-        continue;
-      }
+      if (array.name == kVtkPyramids) read_pyramids(array);
+      if (array.name == kVtkLines) lines_ = values<std::int32_t>(array, std::nullopt);
+      if (array.name == kVtkPyramids || array.name == kVtkLines) continue;
       const auto group = fitting<std::int32_t>(array, std::nullopt);
       if (!group || group->size() != 2 || (*group)[0] < 1 || (*group)[1] < 0 || (*group)[1] > 3) continue;
       mesh_.physical_groups.push_back({(*group)[1], (*group)[0], array.name});
@@ -372,7 +371,7 @@ class Reading {
   FileAllowance& allowance_;
   const Team& team_;
   HighOrderMesh mesh_;
-  std::vector<std::int32_t> physical_, entities_, pyramids_;  // of cells: empty if the file has none
+  std::vector<std::int32_t> physical_, entities_, pyramids_, lines_;  // empty if the file has none
   std::vector<std::int64_t> offsets_, numbers_;
   std::vector<std::uint8_t> types_;
   VtkKind kind_;  // of the cells that are being read

@@ -74,16 +74,14 @@ class Grid {
  private:
   struct Sizes {
     std::size_t points, cells, nodes;
-    std::vector<const ElementBlock*> straight;  ///< Blocks of curved lines that are written as straight ones.
   };
   /// Whether points need numbers of 64 bits.
   bool are_many() const { return std::int64_t(points) > kMostNodes; }
   static Sizes sizes(const HighOrderMesh& mesh);
-  static VtkCell cell_of(const ElementBlock& block, const std::vector<const ElementBlock*>& straight) {
-    const bool is_straight = std::find(straight.begin(), straight.end(), &block) != straight.end();
-    return is_straight ? vtk_cell(Shape::Line, 1) : vtk_cell(block);
+  static VtkCell cell_of(const HighOrderMesh& mesh, const ElementBlock& block) {
+    return is_written_straight(mesh, block) ? vtk_cell(Shape::Line, 1) : vtk_cell(block);
   }
-  VtkCell cell_of(const ElementBlock& block) const { return cell_of(block, straight_); }
+  VtkCell cell_of(const ElementBlock& block) const { return cell_of(mesh_, block); }
   Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, Sizes sizes);
 
   CompressedArray make(const char* name, const char* type) const { return {team_, {name, type, 1}}; }
@@ -123,15 +121,14 @@ class Grid {
 
   const HighOrderMesh& mesh_;
   const Team& team_;
-  const std::vector<const ElementBlock*> straight_;
   std::int64_t offset_ = 0;
 };
 
 Grid::Sizes Grid::sizes(const HighOrderMesh& mesh) {
-  Sizes all{mesh.node_count(), 0, 0, lines_on_edges(mesh)};
+  Sizes all{mesh.node_count(), 0, 0};
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
-    const std::vector<int> nodes = cell_of(block, all.straight).nodes;
+    const std::vector<int> nodes = cell_of(mesh, block).nodes;
     all.cells += block.size();
     all.nodes += block.size() * nodes.size();
     all.points += block.size() * std::size_t(std::count(nodes.begin(), nodes.end(), -1));
@@ -147,8 +144,7 @@ Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const T
       coordinates({"Points", "Float64", 3}, 3 * sizeof(double) * sizes.points),
       connectivity({"connectivity", are_many() ? "Int64" : "Int32", 1}, (are_many() ? 8 : 4) * sizes.nodes),
       mesh_(mesh),
-      team_(team),
-      straight_(std::move(sizes.straight)) {
+      team_(team) {
   topology.push_back(make("offsets", "Int64"));
   topology.push_back(make("types", "UInt8"));
   cell_data.push_back(make("element", "Int64"));
@@ -164,6 +160,10 @@ Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const T
   }
   add_groups();
   list_pyramids();
+  if (const auto lines = loose_lines(mesh); !lines.empty()) {
+    field_data.push_back(make(kVtkLines, "Int32"));
+    for (const std::int32_t value : lines) field_data.back().put(value);
+  }
   // meshio moves arrays to other offsets, which are multiples of 4, and confuses those with offsets of the file. So no
   // array but the first begins at a multiple of 4.
   coordinates.pad(field_data.empty() ? 1 : 0);
