@@ -65,6 +65,11 @@ inline Pool& pool_of(const ApiContext& api, Method method) {
   return method == Method::DownloadMesh || method == Method::GetResult ? api.files : api.pool;
 }
 
+/// Where a message of a stream that sends a mesh is parsed and handled.
+inline Pool& pool_of(const ApiContext& api, const grpc::ByteBuffer& bytes) {
+  return bytes.Length() > kMostChunkMessageBytes ? api.large : api.files;
+}
+
 /// Answers a unary call with the status of `work`, which gets what the caller may see, and the request. It runs on the
 /// pool because it may wait for a disk or a database. `most`: the largest request, in bytes. One with megabytes
 /// runs where only others of that size wait for it.

@@ -18,9 +18,6 @@ bool is_interval(const google::protobuf::Duration& time) {
   return time.seconds() >= 0 && time.seconds() <= 3600 && time.nanos() >= 0 && time.nanos() < 1'000'000'000;
 }
 
-/// The largest request that submits a job, in bytes: as much as gRPC takes.
-constexpr std::size_t kMostSpecBytes = std::size_t{4} << 20;
-
 /// Answers with the job, or with the reason why there is none.
 template <class Response>
 grpc::Status answer(Answer<v1::Job> job, Response* response) {

@@ -41,16 +41,17 @@ class Receiving : public Reactor, public Call {
     std::lock_guard lock(mutex_);
     reading_since_ = kNever;
     if (finished_) return;
-    api_.files.post(
-        [this, ok, alive = self_] {
-          const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
-          if (!status.ok()) return end(status);
-          std::lock_guard inner(mutex_);
-          if (finished_) return;
-          answer();
-          if (!session_.stored()) read();
-        },
-        session_.caller());
+    pool_of(api_, bytes_)
+        .post(
+            [this, ok, alive = self_] {
+              const grpc::Status status = guarded([&] { return ok ? take() : session_.complete(); });
+              if (!status.ok()) return end(status);
+              std::lock_guard inner(mutex_);
+              if (finished_) return;
+              answer();
+              if (!session_.stored()) read();
+            },
+            session_.caller());
   }
   void OnCancel() override { end(grpc::Status::CANCELLED); }
   void OnDone() override {
@@ -85,18 +86,25 @@ class Receiving : public Reactor, public Call {
   std::shared_ptr<Receiving> self_;  ///< Keeps this object alive until OnDone().
 
  private:
+  grpc::Status take() {
+    const auto parsed = parse(bytes_, &request_, kMostChunkMessageBytes);
+    bytes_.Clear();
+    return parsed ? session_.take(request_) : status(parsed.error());
+  }
+
   /// Requires the lock.
   void read() {
     reading_since_ = Clock::now();
-    this->StartRead(&request_);
+    this->StartRead(&bytes_);
   }
 
-  Request request_;  ///< Used by gRPC during a read, and by the pool after it.
+  grpc::ByteBuffer bytes_;  ///< Used by gRPC during a read, and by the pool after it.
+  Request request_;         ///< Used only on the pool.
   Clock::time_point reading_since_ = kNever;
 };
 
 /// UploadMesh: one answer at the end, with the mesh.
-class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequest>, v1::UploadMeshRequest> {
+class Upload final : public Receiving<grpc::ServerReadReactor<grpc::ByteBuffer>, v1::UploadMeshRequest> {
  public:
   Upload(const ApiContext& api, const grpc::CallbackServerContext& call, v1::UploadMeshResponse* response)
       : Receiving(api, call, Method::UploadMesh), response_(response) {}
@@ -114,7 +122,7 @@ class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequ
 
 /// SendMesh: acknowledges the stored bytes as soon as the previous answer has been written.
 class Sending final
-    : public Receiving<grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, v1::SendMeshRequest> {
+    : public Receiving<grpc::ServerBidiReactor<grpc::ByteBuffer, v1::SendMeshResponse>, v1::SendMeshRequest> {
  public:
   Sending(const ApiContext& api, grpc::CallbackServerContext* call)
       : Receiving(api, *call, Method::SendMesh), call_(call) {}
@@ -176,19 +184,19 @@ grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
 }  // namespace
 
 MeshService::MeshService(const ApiContext& api) : api_(api) {
+  MarkMethodRawCallback(index_of("varimesh.v1.MeshService.UploadMesh"), unparsed(this, &MeshService::upload));
+  MarkMethodRawCallback(index_of("varimesh.v1.MeshService.SendMesh"), unparsed(this, &MeshService::send));
   MarkMethodRawCallback(index_of("varimesh.v1.MeshService.QueryUpload"), unparsed(this, &MeshService::query));
   MarkMethodRawCallback(index_of("varimesh.v1.MeshService.DeleteMesh"), unparsed(this, &MeshService::remove));
   MarkMethodRawCallback(index_of("varimesh.v1.MeshService.DownloadMesh"), unparsed(this, &MeshService::download));
 }
 
-grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext* call,
-                                                                        v1::UploadMeshResponse* response) {
+grpc::ServerReadReactor<grpc::ByteBuffer>* MeshService::upload(Call* call, v1::UploadMeshResponse* response) {
   const auto upload = std::make_shared<Upload>(api_, *call, response);
   return upload->open(upload);
 }
 
-grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService::SendMesh(
-    grpc::CallbackServerContext* call) {
+grpc::ServerBidiReactor<grpc::ByteBuffer, v1::SendMeshResponse>* MeshService::send(Call* call) {
   const auto sending = std::make_shared<Sending>(api_, call);
   return sending->open(sending);
 }

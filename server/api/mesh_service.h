@@ -11,14 +11,11 @@ class MeshService : public v1::MeshService::CallbackService {
  public:
   explicit MeshService(const ApiContext& api);
 
-  grpc::ServerReadReactor<v1::UploadMeshRequest>* UploadMesh(grpc::CallbackServerContext* call,
-                                                             v1::UploadMeshResponse* response) override;
-  grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* SendMesh(
-      grpc::CallbackServerContext* call) override;
-
  private:
   using Call = grpc::CallbackServerContext;
   using Request = grpc::ByteBuffer;
+  grpc::ServerReadReactor<Request>* upload(Call* call, v1::UploadMeshResponse* response);
+  grpc::ServerBidiReactor<Request, v1::SendMeshResponse>* send(Call* call);
   grpc::ServerUnaryReactor* query(Call* call, const Request* request, v1::QueryUploadResponse* response);
   grpc::ServerUnaryReactor* remove(Call* call, const Request* request, v1::DeleteMeshResponse* response);
   grpc::ServerWriteReactor<v1::DownloadMeshResponse>* download(Call* call, const Request* request);

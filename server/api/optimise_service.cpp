@@ -19,7 +19,7 @@ namespace {
 constexpr std::chrono::milliseconds kPatienceWithCuts{50};
 
 /// The stream of one call to Optimise.
-class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>,
+class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::OptimiseResponse>,
                        public Call,
                        public Listener {
  public:
@@ -81,13 +81,14 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
 
   std::string peer() const { return view_ ? view_->caller().peer : ""; }
 
-  /// Runs `work` on the pool if this stream is still there.
+  /// Runs `work` on the pool for what came last, if this stream is still there.
   void post(std::function<void()> work) {
-    api_.files.post(
-        [alive = weak_.lock(), work = std::move(work)] {
-          if (alive != nullptr) work();
-        },
-        peer());
+    pool_of(api_, bytes_)
+        .post(
+            [alive = weak_.lock(), work = std::move(work)] {
+              if (alive != nullptr) work();
+            },
+            peer());
   }
 
   /// Handles a message or, if there was none, the end of what the client sends.
@@ -106,11 +107,14 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   static grpc::Status refuse(const char* sentence) { return status(bad_request(sentence)); }
 
   void read() {
-    pump_.unless_finished([this] { StartRead(&request_); });
+    pump_.unless_finished([this] { StartRead(&bytes_); });
   }
 
   /// Handles a message from the client: the spec, or a chunk of the mesh.
   grpc::Status take() {
+    const auto parsed = parse(bytes_, &request_, spec_ ? kMostChunkMessageBytes : kMostSpecBytes);
+    bytes_.Clear();
+    if (!parsed) return status(parsed.error());
     if (request_.has_spec()) return take_spec();
     if (!spec_) return refuse("The spec must be sent before the first chunk.");
     if (!request_.has_chunk()) return refuse("A message has neither a spec nor a chunk.");
@@ -160,7 +164,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     writer_.reset();
     upload_.reset();
     if (!stored) return status(stored.error());
-    v1::JobSpec spec = spec_->spec();
+    v1::JobSpec spec = std::move(*spec_->mutable_spec());  // which may have megabytes
     spec.mutable_mesh()->set_digest(stored->digest);
     if (kept_ != nullptr) kept_->grant(stored->digest);
     view_->hold(stored->digest);
@@ -211,8 +215,9 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   const Answer<CallersView> view_;                  ///< Or why the caller is not let in.
   std::shared_ptr<const void> upload_, watch_;      ///< Its places among the open uploads and watches of the caller.
   Pump<v1::OptimiseResponse> pump_;
-  v1::OptimiseRequest request_;
+  grpc::ByteBuffer bytes_;  ///< Used by gRPC during a read, and by the pool after it.
   // Used only on the pool, by one task at a time.
+  v1::OptimiseRequest request_;
   std::optional<v1::OptimiseSpec> spec_;
   std::unique_ptr<BlobWriter> writer_;
   std::unique_ptr<KeptShare> kept_;  ///< For the mesh. Null: there is no limit.
@@ -228,7 +233,11 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
 
 }  // namespace
 
-grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>* OptimiseService::Optimise(
+OptimiseService::OptimiseService(const ApiContext& api) : api_(api) {
+  MarkMethodRawCallback(index_of("varimesh.v1.OptimiseService.Optimise"), unparsed(this, &OptimiseService::optimise));
+}
+
+grpc::ServerBidiReactor<grpc::ByteBuffer, v1::OptimiseResponse>* OptimiseService::optimise(
     grpc::CallbackServerContext* call) {
   return OptimiseStream::open(api_, call);
 }

@@ -9,12 +9,11 @@ namespace varimesh::server {
 /// Handles the call Optimise, which uses the mesh store and the scheduler like the other services do.
 class OptimiseService : public v1::OptimiseService::CallbackService {
  public:
-  explicit OptimiseService(const ApiContext& api) : api_(api) {}
-
-  grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>* Optimise(
-      grpc::CallbackServerContext* call) override;
+  explicit OptimiseService(const ApiContext& api);
 
  private:
+  grpc::ServerBidiReactor<grpc::ByteBuffer, v1::OptimiseResponse>* optimise(grpc::CallbackServerContext* call);
+
   const ApiContext& api_;
 };
 

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "server/failure.h"
+#include "server/limits.h"
 #include "server/refusals.h"
 #include "varimesh/v1/service.grpc.pb.h"  // and with it what generated code needs, wherever gRPC's version has that
 
@@ -16,16 +17,27 @@ namespace varimesh::server {
 /// The largest request, in bytes, of a call that neither submits a job nor sends a mesh.
 inline constexpr std::size_t kMostRequestBytes = std::size_t{64} << 10;
 
-/// Parses a request. INVALID_ARGUMENT if it has more than `most` bytes, or is no message of this type.
+/// The largest message that submits a job, in bytes: as much as gRPC takes.
+inline constexpr std::size_t kMostSpecBytes = std::size_t{4} << 20;
+
+/// The most bytes of a message of a stream that sends a mesh, unless it has a spec.
+inline constexpr std::size_t kMostChunkMessageBytes = kMaxChunkBytes + kMostRequestBytes;
+
+/// Parses a message that came. INVALID_ARGUMENT if it has more than `most` bytes, or is of another type.
 template <class Request>
-Answer<Request> parse(const grpc::ByteBuffer& bytes, std::size_t most = kMostRequestBytes) {
+Answer<void> parse(const grpc::ByteBuffer& bytes, Request* request, std::size_t most) {
   if (bytes.Length() > most)
     return bad_request("The request has " + std::to_string(bytes.Length()) + " bytes, but may have " +
                        std::to_string(most) + ".");
   grpc::ByteBuffer shared = bytes;  // reading takes the bytes away
-  Answer<Request> request;
-  if (!grpc::SerializationTraits<Request>::Deserialize(&shared, &*request).ok())
+  if (!grpc::SerializationTraits<Request>::Deserialize(&shared, request).ok())
     return bad_request("The request is no message of this method.");
+  return {};
+}
+template <class Request>
+Answer<Request> parse(const grpc::ByteBuffer& bytes, std::size_t most = kMostRequestBytes) {
+  Answer<Request> request;
+  if (const auto parsed = parse(bytes, &*request, most); !parsed) return tl::unexpected(parsed.error());
   return request;
 }
 
@@ -54,6 +66,23 @@ grpc::internal::MethodHandler* unparsed(Service* service, grpc::ServerWriteReact
       [service, handle](grpc::CallbackServerContext* call, const grpc::ByteBuffer* request) {
         return (service->*handle)(call, request);
       });
+}
+
+/// The same for a method that takes a stream.
+template <class Service, class Response>
+grpc::internal::MethodHandler* unparsed(Service* service, grpc::ServerReadReactor<grpc::ByteBuffer>* (Service::*handle)(
+                                                              grpc::CallbackServerContext*, Response*)) {
+  return new grpc::internal::CallbackClientStreamingHandler<grpc::ByteBuffer, Response>(
+      [service, handle](grpc::CallbackServerContext* call, Response* response) {
+        return (service->*handle)(call, response);
+      });
+}
+/// The same for a method that takes a stream and answers with one.
+template <class Service, class Response>
+grpc::internal::MethodHandler* unparsed(Service* service, grpc::ServerBidiReactor<grpc::ByteBuffer, Response>* (
+                                                              Service::*handle)(grpc::CallbackServerContext*)) {
+  return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, Response>(
+      [service, handle](grpc::CallbackServerContext* call) { return (service->*handle)(call); });
 }
 
 }  // namespace varimesh::server

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 
+#include "server/api/requests.h"
 #include "server/http/events.h"
 #include "server/http/openapi.h"
 #include "server/http/transfers.h"
@@ -189,8 +190,7 @@ void Gateway::submit(HttpExchange& exchange) const {
     return work_long(exchange, Method::Optimise, transfers_,
                      [&] { receive_job(exchange, *optimise_, request.request_id()); });
   work_long(exchange, Method::SubmitJob, submissions_, [&] {
-    constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as the call may have
-    if (const auto read = exchange.read(request.mutable_spec(), kMostBytes); !read)
+    if (const auto read = exchange.read(request.mutable_spec(), kMostSpecBytes); !read)
       return exchange.refuse(status(read.error()));
     exchange.call(*jobs_, &v1::JobService::Stub::SubmitJob, request);
   });

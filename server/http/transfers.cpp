@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/base/sha256.h"
+#include "server/api/requests.h"
 #include "server/http/listen.h"
 #include "server/http/multipart.h"
 #include "server/limits.h"
@@ -111,7 +112,6 @@ bool read_piece(HttpExchange& exchange, std::int64_t left, std::string* piece) {
 
 /// The job in the first part of a form. The second one is the mesh.
 Answer<v1::JobSpec> spec_of(HttpExchange& exchange, Multipart& parts) {
-  constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // as much as SubmitJob may have
   const auto order = bad_request("The form must have the part spec, which is JSON, and then the part mesh.");
   const auto first = parts.next();
   if (!first) return tl::unexpected(first.error());
@@ -122,8 +122,8 @@ Answer<v1::JobSpec> spec_of(HttpExchange& exchange, Multipart& parts) {
     if (!piece) return tl::unexpected(piece.error());
     if (piece->empty()) break;
     text += *piece;
-    if (text.size() > kMostBytes)
-      return bad_request("The part spec may have " + std::to_string(kMostBytes) + " bytes.");
+    if (text.size() > kMostSpecBytes)
+      return bad_request("The part spec may have " + std::to_string(kMostSpecBytes) + " bytes.");
   }
   v1::JobSpec spec;
   if (const auto read = exchange.read_json(text, &spec); !read) return tl::unexpected(read.error());

@@ -82,7 +82,7 @@ class Bodies(Row):
 
 
 class Messages(Row):
-    """Twenty-four submissions by gRPC at a time, each with 3 MiB of labels."""
+    """Twenty-four submissions by gRPC at a time, each with 3 MiB of labels, by SubmitJob and by Optimise."""
 
     name = "large submissions"
     MANY = 24
@@ -92,11 +92,18 @@ class Messages(Row):
         labels = {str(i): "x" for i in range(20_000 if self.short else 240_000)}
         self.request = service_pb2.SubmitJobRequest(spec=job_pb2.JobSpec(labels=labels)).SerializeToString()
         self.submit = self.mallory.channel.unary_unary("/varimesh.v1.JobService/SubmitJob", request_serializer=bytes)
+        self.optimise = self.mallory.channel.stream_stream("/varimesh.v1.OptimiseService/Optimise", request_serializer=bytes)
+        spec = service_pb2.OptimiseSpec(spec=job_pb2.JobSpec(labels=labels))
+        self.messages = [service_pb2.OptimiseRequest(spec=spec).SerializeToString(),
+                         service_pb2.OptimiseRequest(chunk=service_pb2.Chunk(data=b"no mesh")).SerializeToString()]
 
     def attack(self):
         calls = [self.submit.future(self.request, metadata=self.mallory.metadata, timeout=60) for _ in range(self.MANY)]
         for call in calls:
             assert call.exception().code() == grpc.StatusCode.INVALID_ARGUMENT, call.exception()
+        streams = [self.optimise(iter(self.messages), metadata=self.mallory.metadata, timeout=60) for _ in range(self.MANY)]
+        for stream in streams:
+            self.refused(lambda stream=stream: list(stream), grpc.StatusCode.INVALID_ARGUMENT)
 
 
 class Watches(Row):
