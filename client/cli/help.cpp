@@ -19,7 +19,7 @@ namespace {
 constexpr std::array<std::string_view, 3> kBriefCommands = {"optimise", "curve", "submit"};
 constexpr std::array<std::string_view, 20> kCommonFlags = {
     "--help",  "--help-all",   "--output",      "--report",   "--output-format", "--label",     "--server",
-    "--json",  "--quiet",      "--geometry",    "--slide-on", "--layers",        "--objective", "--until",
+    "--json",  "--quiet",      "--geometry",    "--slide-on", "--into",          "--objective", "--until",
     "--order", "--time-limit", "--merge-nodes", "--threads",  "--fix",           "--priority"};
 
 std::string entry(const FlagFacts& flag, std::size_t width) {

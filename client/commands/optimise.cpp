@@ -33,7 +33,8 @@ int run(const Arguments& arguments) {
 
 Action add_optimise(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  Command command = program.add_command("optimise", "Optimise a mesh, or several, and write the result");
+  Command command = program.add_command(
+      "optimise", "Move interior nodes until every element is valid and the mesh accurate, and write the result");
   command.alias("optimize");
   add_inputs(command, &arguments->meshes, &arguments->run.input);
   command["input"].or_standard_input().help("The mesh file to read; with --into, several");

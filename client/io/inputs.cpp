@@ -21,7 +21,7 @@
 namespace varimesh::client {
 namespace {
 
-constexpr const char* kGeometryGroup = "Geometry";
+constexpr const char *kInputGroup = "Input", *kGeometryGroup = "Geometry";
 
 tl::unexpected<Failure> refused(const std::string& path, const Error& error) {
   return refusal("BAD_INPUT", path + ": " + error.sentence);
@@ -48,12 +48,14 @@ void add_boundary_flags(Command command, Input* input) {
   command
       .add("--displacements", &input->displacements,
            "First move boundary nodes of a straight mesh; the file has one line 'number dx dy dz' per node")
-      .value("FILE");
+      .value("FILE")
+      .group(kInputGroup);
   command
       .add("--boundary", &input->boundary,
            "First move each boundary node to the position that the node of the same number has in this mesh, which "
            "contains only the boundary")
-      .value("MESH");
+      .value("MESH")
+      .group(kInputGroup);
   add_repair_flags(command, &input->repairs);
 }
 
@@ -66,13 +68,15 @@ void add_repair_flags(Command command, Repairs* repairs) {
       .add("--node-order", &repairs->node_order,
            "The program whose order the nodes of elements have in an MSH file, if it is not Gmsh's: gmsh, vtk, cgns, "
            "exodus or abaqus")
-      .value("NAME");
+      .value("NAME")
+      .group(kInputGroup);
   command
       .add("--merge-nodes", &repairs->merge,
            "Before all else, make one node of nodes that are at most this far apart. It is for meshes made of parts "
            "whose nodes coincide where they touch; the distance is in the mesh's unit of length")
       .value("TOLERANCE")
-      .from(0.0, 1e300);
+      .from(0.0, 1e300)
+      .group(kInputGroup);
 }
 
 Expected<void> repair(const Repairs& repairs, formats::MeshFile& file,

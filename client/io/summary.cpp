@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -148,11 +149,24 @@ std::string range_text(const v1::LayersReport::Range& range) {
 
 }  // namespace
 
+namespace {
+
+/// By how much the loss fell: ", 11 % lower"; empty if it did not fall by half a percent.
+std::string lower_text(const v1::QualityReport& before, const v1::QualityReport& after) {
+  constexpr double kSeen = 0.5;  // percent
+  if (!before.has_accuracy() || !after.has_accuracy()) return "";
+  const double percent = 100 * (1 - after.accuracy().loss() / before.accuracy().loss());
+  return percent >= kSeen && std::isfinite(percent) ? fmt::format(", {:.0f} % lower", percent) : "";
+}
+
+}  // namespace
+
 std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked) {
   const v1::QualityReport &before = metrics.before(), &after = at_end_of_run(metrics);
   switch (metrics.objective()) {
     case v1::OBJECTIVE_ACCURACY:
-      return "objective: accuracy; loss of accuracy " + loss_text(before) + " -> " + loss_text(after);
+      return "objective: accuracy; loss of accuracy " + loss_text(before) + " -> " + loss_text(after) +
+             lower_text(before, after);
     case v1::OBJECTIVE_ENERGY:
       return "objective: energy" + why_energy(metrics, asked);
     case v1::OBJECTIVE_WORST:

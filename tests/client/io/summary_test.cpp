@@ -21,7 +21,7 @@ v1::Metrics metrics_of(v1::Objective objective, double loss_before, double loss_
 
 TEST(ObjectiveText, HasTheFigureThatTheObjectiveLooksAt) {
   EXPECT_EQ(objective_text(metrics_of(v1::OBJECTIVE_ACCURACY, .00648, .00579, .9), {}),
-            "objective: accuracy; loss of accuracy 0.00648 -> 0.00579");
+            "objective: accuracy; loss of accuracy 0.00648 -> 0.00579, 11 % lower");
   EXPECT_EQ(objective_text(metrics_of(v1::OBJECTIVE_WORST, .1, .1, .9), {}),
             "objective: worst; smallest scaled Jacobian 0.25000 -> 0.50000");
   EXPECT_EQ(objective_text(metrics_of(v1::OBJECTIVE_UNSPECIFIED, .1, .1, .9), {}), "");
