@@ -22,7 +22,7 @@ constexpr std::array kExamples{
     Example{"optimise", "stop when every element is certified valid or cannot be repaired",
             "varimesh optimise wing.msh -o better.msh --until valid"},
     Example{"optimise", "several meshes side by side, each with its result in a folder",
-            "varimesh optimise wing.msh better.msh --into DIR"},
+            "varimesh optimise wing.msh better.msh --into optimised"},
     Example{"optimise", "use another energy, on a server",
             "varimesh optimise wing.msh -o better.msh --energy winslow --server HOST:PORT"},
     Example{"optimise", "for scripts: print a JSON document and write all iterations",
