@@ -87,7 +87,7 @@ class Receiving : public Reactor, public Call {
 
  private:
   grpc::Status take() {
-    const auto parsed = parse(bytes_, &request_, kMostChunkMessageBytes);
+    const auto parsed = parse_chunk(bytes_, &request_);
     bytes_.Clear();
     return parsed ? session_.take(request_) : status(parsed.error());
   }

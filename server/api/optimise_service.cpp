@@ -43,7 +43,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
   void OnReadDone(bool ok) override {
     if (pump_.finished()) return;
     post([this, ok] {
-      if (!ok && spec_ && spec_->size() == 0)
+      if (!ok && size_ && *size_ == 0)
         ended_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
       else
         handle(ok);
@@ -112,26 +112,30 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
 
   /// Handles a message from the client: the spec, or a chunk of the mesh.
   grpc::Status take() {
-    const auto parsed = parse(bytes_, &request_, spec_ ? kMostChunkMessageBytes : kMostSpecBytes);
+    if (!size_) return take_spec();
+    const auto parsed = parse_chunk(bytes_, &request_);
     bytes_.Clear();
     if (!parsed) return status(parsed.error());
-    if (request_.has_spec()) return take_spec();
-    if (!spec_) return refuse("The spec must be sent before the first chunk.");
+    if (request_.has_spec()) return refuse("The spec must be sent exactly once, as the first message.");
     if (!request_.has_chunk()) return refuse("A message has neither a spec nor a chunk.");
     return take_chunk(request_.chunk());
   }
 
   grpc::Status take_spec() {
-    if (spec_) return refuse("The spec must be sent exactly once, as the first message.");
-    const std::int64_t size = request_.spec().size();
+    const auto request = parse<v1::OptimiseRequest>(bytes_, kMostSpecBytes);
+    if (!request) return status(request.error());
+    if (!request->has_spec()) return refuse("The spec must be sent before the first chunk.");
+    const std::int64_t size = request->spec().size();
     if (const auto checked = check_size(size, api_.limits.max_mesh_bytes, api_.limits.max_memory_bytes); !checked)
       return status(checked.error());
-    spec_ = std::move(*request_.mutable_spec());
     kept_ = view_->keep_share();
     if (const auto room = keep(size); !room) return status(room.error());
     auto writer = view_->create(size);
     if (!writer) return status(writer.error());
     writer_ = std::move(*writer);
+    size_ = size;
+    spec_.Swap(&bytes_);
+    bytes_.Clear();
     return grpc::Status::OK;
   }
 
@@ -148,7 +152,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
     received_ += static_cast<std::int64_t>(bytes->size());
     if (received_ > api_.limits.max_mesh_bytes) return status(mesh_too_large(api_.limits.max_mesh_bytes));
     // Room is kept for what the spec announces. It need not announce anything.
-    const std::int64_t announced = spec_->size();
+    const std::int64_t announced = *size_;
     if (announced > 0 && received_ > announced) return refuse("More bytes came than the size in the spec.");
     if (announced == 0)
       if (const auto room = keep(received_); !room) return status(room.error());
@@ -158,17 +162,19 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
 
   /// Submits the job when the client has sent everything, and starts to write.
   grpc::Status submit() {
-    if (!spec_) return refuse("The stream ended without a spec.");
-    if (spec_->size() > 0 && spec_->size() != received_) return refuse("The stream ended before the end of the mesh.");
+    if (!size_) return refuse("The stream ended without a spec.");
+    if (*size_ > 0 && *size_ != received_) return refuse("The stream ended before the end of the mesh.");
     const auto stored = writer_->commit();
     writer_.reset();
     upload_.reset();
     if (!stored) return status(stored.error());
-    v1::JobSpec spec = std::move(*spec_->mutable_spec());  // which may have megabytes
+    auto request = parse<v1::OptimiseRequest>(spec_, kMostSpecBytes);
+    if (!request) return status(request.error());
+    v1::JobSpec spec = std::move(*request->mutable_spec()->mutable_spec());  // which may have megabytes
     spec.mutable_mesh()->set_digest(stored->digest);
     if (kept_ != nullptr) kept_->grant(stored->digest);
     view_->hold(stored->digest);
-    const auto job = view_->submit(spec_->request_id(), spec, false);  // adds a reference to the mesh
+    const auto job = view_->submit(request->spec().request_id(), spec, false);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
     view_->let_go(stored->digest);
     if (!job) return status(job.error());
@@ -218,7 +224,8 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
   grpc::ByteBuffer bytes_;  ///< Used by gRPC during a read, and by the pool after it.
   // Used only on the pool, by one task at a time.
   v1::OptimiseRequest request_;
-  std::optional<v1::OptimiseSpec> spec_;
+  std::optional<std::int64_t> size_;  ///< What the spec announces, in bytes, once it has come; 0: not known.
+  grpc::ByteBuffer spec_;             ///< The message with the spec, which takes ten times its size when it is parsed.
   std::unique_ptr<BlobWriter> writer_;
   std::unique_ptr<KeptShare> kept_;  ///< For the mesh. Null: there is no limit.
   std::int64_t received_ = 0;

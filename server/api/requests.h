@@ -41,6 +41,18 @@ Answer<Request> parse(const grpc::ByteBuffer& bytes, std::size_t most = kMostReq
   return request;
 }
 
+/// Parses a message of a stream that sends a mesh. Beside the bytes of the mesh it may have as much as any request:
+/// what nobody knows takes ten times its size, for as long as the message is kept. It is empty after a failure.
+template <class Request>
+Answer<void> parse_chunk(const grpc::ByteBuffer& bytes, Request* request) {
+  auto parsed = parse(bytes, request, kMostChunkMessageBytes);
+  if (parsed && bytes.Length() > request->chunk().data().size() + kMostRequestBytes)
+    parsed = bad_request("The message has " + std::to_string(bytes.Length() - request->chunk().data().size()) +
+                         " bytes beside those of the mesh, but may have " + std::to_string(kMostRequestBytes) + ".");
+  if (!parsed) *request = Request();
+  return parsed;
+}
+
 /// The place of a method in its service, as gRPC counts them.
 /// @param method  "varimesh.v1.JobService.GetJob"
 inline int index_of(const char* method) {

@@ -128,7 +128,7 @@ class Links(unittest.TestCase):
         self.assertGreater(len(rows), 15)
         unshown = [row[1] for row in rows if "`" not in row[-2] and not row[2].startswith(" nothing:")]
         self.assertEqual(unshown, [], "promises that no test shows")
-        for suite, test in re.findall(r"`(?:server|core|client|faults|deploy)\.(?:\w+/|s3\.|isolation\.|http\.|jobs/|farm\.)?(\w+)\.?(\w*)[^`]*`", text):
+        for suite, test in re.findall(r"`(?:server|core|client|faults|deploy)\.(?:\w+/|s3\.|isolation\.|http\.|jobs\.tls\.|farm\.)?(\w+)\.?(\w*)[^`]*`", text):
             self.assertTrue(re.search(rf"\b{suite}\b", tree) and re.search(rf"\b{test}", tree), f"{suite}.{test}")
         for name in re.findall(r"attacks? (`[^|.;]*)", text):
             for attack in re.findall(r"`([a-z][^`]*)`", name):

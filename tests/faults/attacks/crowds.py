@@ -106,6 +106,23 @@ class Messages(Row):
             self.refused(lambda stream=stream: list(stream), grpc.StatusCode.INVALID_ARGUMENT)
 
 
+class Unknown(Row):
+    """A hundred streams at a time that send fields that nobody knows, which take ten times their size when they are parsed."""
+
+    name = "unknown fields"
+    MANY = 100
+
+    def attack(self):
+        for method in ("MeshService/SendMesh", "OptimiseService/Optimise"):
+            for size in (1 << 20, 4 << 20):
+                send = self.mallory.channel.stream_stream(f"/varimesh.v1.{method}", request_serializer=bytes)
+                message = b"\xfa\xff\x03\x00" * (size // 4 - 64)
+                streams = [send(iter([message]), metadata=self.mallory.metadata, timeout=60)
+                           for _ in range(self.MANY // (10 if self.short else 1))]
+                for stream in streams:
+                    self.refused(lambda stream=stream: list(stream), grpc.StatusCode.INVALID_ARGUMENT)
+
+
 class Watches(Row):
     """Watches of the health without a token, on eight connections."""
 
@@ -225,4 +242,4 @@ class Groups(Row):
         return ", ".join(f"{what} took {seconds:.1f} s" for what, seconds in self.took.items()) or "there is no HDF5"
 
 
-ROWS = [HalfOpen, Bodies, Messages, Watches, Deletions, Tag, Groups]
+ROWS = [HalfOpen, Bodies, Messages, Unknown, Watches, Deletions, Tag, Groups]
