@@ -75,6 +75,8 @@ struct Settings {
   bool compress = false;
   /// Called with false when a server that was there stops answering, and with true when it answers again.
   std::function<void(bool answers)> on_contact;
+  /// Called once if nothing has answered for a second at the first contact, which may take as long as `connect`.
+  std::function<void()> on_slow_contact;
   Credentials credentials;
   /// For a server in the same process: meshes pass by the calls (client/library/input_file.h). Null: they do not.
   std::shared_ptr<MeshExchange> exchange;

@@ -26,6 +26,11 @@ tl::expected<Connection, int> connect(const CommonFlags& flags) {
   Settings settings;
   settings.interrupted = interrupt_ends_calls;
   if (!flags.quiet) settings.on_contact = [retry = settings.retry](bool answers) { print_contact(answers, retry); };
+  if (!flags.quiet)
+    settings.on_slow_contact = [&flags, wait = settings.connect] {
+      std::cerr << "varimesh: nothing answers at " << flags.server << " yet; waiting for up to " << wait.count() / 1000
+                << " s" << std::endl;
+    };
   settings.compress = flags.compress && !flags.server.empty();
   settings.credentials = flags.credentials;
   Connection connection;

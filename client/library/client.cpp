@@ -81,9 +81,10 @@ tl::unexpected<Failure> no_server(const std::shared_ptr<grpc::Channel>& channel,
 Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::string& address, bool encrypted,
                    const Settings& settings) {
   constexpr auto kLook = std::chrono::milliseconds(100), kBeforeListening = std::chrono::milliseconds(500),
-                 kSure = std::chrono::milliseconds(900);  // a server that is being started may need so long
+                 kSure = std::chrono::milliseconds(900),  // a server that is being started may need so long
+      kSlow = std::chrono::milliseconds(1000);
   const auto begin = std::chrono::steady_clock::now();
-  bool has_listened = false, is_refused = false, speaks_tls = false;
+  bool has_listened = false, is_refused = false, speaks_tls = false, is_slow = false;
   while (!channel->WaitForConnected(std::chrono::system_clock::now() + kLook)) {
     if (settings.wants_to_stop()) return interruption(kInterruptedCall);
     const auto passed = std::chrono::steady_clock::now() - begin;
@@ -100,6 +101,10 @@ Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::str
         return transport_failure("The server at " + address +
                                  " speaks no TLS; leave out https:// and the certificates, or start it with "
                                  "--tls-certificate.");
+    }
+    if (!is_slow && passed > kSlow) {
+      is_slow = true;
+      if (settings.on_slow_contact) settings.on_slow_contact();
     }
     if (is_refused && passed > kSure) {
       if (heard_from(address, kLook, [&] { return settings.wants_to_stop(); }) == Spoken::Refused)

@@ -20,6 +20,20 @@ class Connection(WithFolder):
             self.assertEqual(done.returncode, 5)
             self.assertIn(f"There is no server at {named}; start varimeshd there", done.stderr)
 
+    def test_where_nobody_answers_that_is_said_soon(self):
+        """As where packets are dropped: the connection is there, and nothing comes."""
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            address = "127.0.0.1:%d" % silent.getsockname()[1]
+            client = start("jobs", "--server", address)
+            begin = time.monotonic()
+            line = client.stderr.readline()
+            self.assertLess(time.monotonic() - begin, 2.5)
+            self.assertEqual(line, f"varimesh: nothing answers at {address} yet; waiting for up to 5 s\n")
+            _, stderr = client.communicate(timeout=30)
+            self.assertEqual(client.returncode, 5)
+            self.assertIn(f"There is no server at {address}", stderr)
+            self.assertNotIn("yet", run("info", "--server", address).stderr.replace(line, "", 1))
+
     def test_a_server_that_is_just_being_started_is_found(self):
         with socket.create_server(("127.0.0.1", 0)) as taken:
             address = "127.0.0.1:%d" % taken.getsockname()[1]
