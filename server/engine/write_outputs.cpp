@@ -57,10 +57,12 @@ class Writing {
 
  private:
   bool is_over() {
-    constexpr double kSilence = 10;
-    if (hooks_.given_up && hooks_.given_up()) return true;
+    // A run that has ended is not made again if its results can be written before its server is gone.
+    constexpr double kSilence = 10, kSilenceIfGivenUp = 1;
     const double silence = clock_.seconds() - last_;
-    if (takes_ || silence < kSilence) return false;
+    if (takes_ || silence < kSilenceIfGivenUp) return false;
+    if (hooks_.given_up && hooks_.given_up()) return true;
+    if (silence < kSilence) return false;
     if (limit_ > 0 && silence > limit_) out_of_time_ = true;
     return out_of_time_ || (hooks_.control.stop_asked && hooks_.control.stop_asked());
   }
