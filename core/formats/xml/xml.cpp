@@ -21,13 +21,30 @@ constexpr int kDeepest = 64;
 // Expat takes an int for a length. Between pieces the walk can skip raw text, and reading can be stopped.
 constexpr std::size_t kPiece = std::size_t(1) << 16, kMostAtOnce = std::size_t(1) << 29;
 
+// Expat 2.9 warns of the functions that earlier versions have alone.
+#if XML_MAJOR_VERSION > 2 || (XML_MAJOR_VERSION == 2 && XML_MINOR_VERSION >= 9)
+constexpr auto kByteIndex = XML_GetCurrentByteIndex64;
+constexpr auto kByteCount = XML_GetCurrentByteCount64;
+#else
+constexpr auto kByteIndex = XML_GetCurrentByteIndex;
+constexpr auto kByteCount = XML_GetCurrentByteCount;
+#endif
+
+/// Where the present event begins in what the parser has got; 0 if there is no event.
+std::size_t event_begin(XML_Parser parser) {
+  return static_cast<std::size_t>(std::max<std::int64_t>(0, kByteIndex(parser)));
+}
+
+/// How many bytes it has.
+std::size_t event_size(XML_Parser parser) { return static_cast<std::size_t>(kByteCount(parser)); }
+
 /// The length of the piece that expat gets next.
 /// @param seen  what it has got so far
 /// @param left  what is still to come
 std::size_t next_piece(XML_Parser parser, std::size_t seen, std::size_t left) {
   // Expat begins anew with a tag or a comment that it has only in part. As it then gets as much again, it looks at each
   // byte a few times at most, however long the tag is.
-  const auto begun = std::size_t(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser)));
+  const std::size_t begun = event_begin(parser);
   return std::min({std::max(kPiece, seen - std::min(begun, seen)), kMostAtOnce, left});
 }
 
@@ -75,9 +92,7 @@ class Walk {
     return length;
   }
 
-  std::size_t position() const {
-    return skipped_ + std::size_t(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get())));
-  }
+  std::size_t position() const { return skipped_ + event_begin(parser_.get()); }
 
   template <class Body>
   void guarded(const Body& body) {
@@ -99,7 +114,7 @@ class Walk {
       walk.element_.attributes.clear();
       for (; attributes[0] != nullptr; attributes += 2)
         walk.element_.attributes.emplace_back(attributes[0], attributes[1]);
-      walk.text_ = walk.position() + std::size_t(XML_GetCurrentByteCount(walk.parser_.get()));
+      walk.text_ = walk.position() + event_size(walk.parser_.get());
       if (!walk.visitor_.begins(walk.element_)) walk.ended_ = true;
     });
   }
@@ -110,7 +125,7 @@ class Walk {
       --walk.depth_;
       const std::size_t at = walk.position();
       walk.visitor_.ends(name, {std::min(walk.text_, at), at - std::min(walk.text_, at)});
-      walk.text_ = at + std::size_t(XML_GetCurrentByteCount(walk.parser_.get()));
+      walk.text_ = at + event_size(walk.parser_.get());
     });
   }
 
@@ -168,8 +183,7 @@ struct Comments {
 
   static void comment(void* self, const XML_Char*) {
     auto& own = *static_cast<Comments*>(self);
-    const auto begin = std::size_t(XML_GetCurrentByteIndex(own.parser));
-    const auto length = std::size_t(XML_GetCurrentByteCount(own.parser));
+    const std::size_t begin = event_begin(own.parser), length = event_size(own.parser);
     for (std::size_t i = begin; i < std::min(begin + length, own.copy.size()); ++i)
       if (own.copy[i] != '\n') own.copy[i] = ' ';
   }
