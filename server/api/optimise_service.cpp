@@ -42,7 +42,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
 
   void OnReadDone(bool ok) override {
     if (pump_.finished()) return;
-    post([this, ok] {
+    post(ok ? bytes_ : spec_, [this, ok] {
       if (!ok && size_ && *size_ == 0)
         ended_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
       else
@@ -62,7 +62,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
     const std::chrono::steady_clock::time_point since{std::chrono::steady_clock::duration(ended)};
     if (ended == kNotEnded || now - since < kPatienceWithCuts || pump_.finished()) return;
     if (!ended_at_.compare_exchange_strong(ended, kNotEnded)) return;
-    post([this] {
+    post(spec_, [this] {
       if (!pump_.finished()) handle(false);
     });
   }
@@ -81,9 +81,9 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
 
   std::string peer() const { return view_ ? view_->caller().peer : ""; }
 
-  /// Runs `work` on the pool for what came last, if this stream is still there.
-  void post(std::function<void()> work) {
-    pool_of(api_, bytes_)
+  /// Runs `work` on the pool for the message that it parses, if this stream is still there.
+  void post(const grpc::ByteBuffer& message, std::function<void()> work) {
+    pool_of(api_, message)
         .post(
             [alive = weak_.lock(), work = std::move(work)] {
               if (alive != nullptr) work();
@@ -225,7 +225,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<grpc::ByteBuffer, v1::Opti
   // Used only on the pool, by one task at a time.
   v1::OptimiseRequest request_;
   std::optional<std::int64_t> size_;  ///< What the spec announces, in bytes, once it has come; 0: not known.
-  grpc::ByteBuffer spec_;             ///< The message with the spec, which takes ten times its size when it is parsed.
+  grpc::ByteBuffer spec_;  ///< The message with the spec, which takes ten times its size when it is parsed: at the end.
   std::unique_ptr<BlobWriter> writer_;
   std::unique_ptr<KeptShare> kept_;  ///< For the mesh. Null: there is no limit.
   std::int64_t received_ = 0;
