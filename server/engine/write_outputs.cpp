@@ -14,24 +14,6 @@
 namespace varimesh::server {
 namespace {
 
-Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const Sink& sink,
-                          const StopToken& stop) {
-  if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
-  if (format == v1::MESH_FORMAT_CELL_QUALITY)
-    return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);
-  if (format == v1::MESH_FORMAT_VTU) {
-    const CellMarks marks(result.mesh, result.unrepairable, threads);
-    return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads, &stop);
-  }
-  // MSH 2.2 repeats an element for each additional group. Some readers do not know that and would count it twice.
-  const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
-  if (result.unrepairable.empty() || repeats)
-    return formats::write(result.mesh, format_from(format), sink, {}, threads, &stop);
-  HighOrderMesh marked = result.mesh;
-  mark_unrepairable(marked, result.unrepairable);
-  return formats::write(marked, format_from(format), sink, {}, threads, &stop);
-}
-
 /// How long results must get on with being written. Those of a run that was cancelled are the best mesh so far, so they
 /// are still wanted, unless no byte comes for some seconds, as when HDF5 makes thousands of small groups first. No byte
 /// may take longer than the time limit of the run either.
@@ -40,7 +22,11 @@ class Writing {
   /// @param limit  in seconds; 0: none
   Writing(const RunHooks& hooks, double limit) : hooks_(hooks), limit_(limit), stop_([this] { return is_over(); }) {}
 
-  const StopToken& stop() const { return stop_; }
+  /// The token for work that begins now. Work before it, which no token stops, is no silence.
+  const StopToken& stop_from_now() {
+    last_ = clock_.seconds();
+    return stop_;
+  }
   bool is_stopped() const { return stop_.reason() != StopToken::Reason::None; }
   bool is_out_of_time() const { return out_of_time_; }
   /// A sink that notes when bytes come. While it waits, for room on a full disk for example, they are not silent.
@@ -75,6 +61,24 @@ class Writing {
   const StopToken stop_;
 };
 
+Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const Sink& sink,
+                          Writing& writing) {
+  if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
+  if (format == v1::MESH_FORMAT_CELL_QUALITY)
+    return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);
+  if (format == v1::MESH_FORMAT_VTU) {
+    const CellMarks marks(result.mesh, result.unrepairable, threads);
+    return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads, &writing.stop_from_now());
+  }
+  // MSH 2.2 repeats an element for each additional group. Some readers do not know that and would count it twice.
+  const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
+  if (result.unrepairable.empty() || repeats)
+    return formats::write(result.mesh, format_from(format), sink, {}, threads, &writing.stop_from_now());
+  HighOrderMesh marked = result.mesh;
+  mark_unrepairable(marked, result.unrepairable);
+  return formats::write(marked, format_from(format), sink, {}, threads, &writing.stop_from_now());
+}
+
 }  // namespace
 
 std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as) {
@@ -89,7 +93,7 @@ Expected<bool> write_outputs(const Result& result, const RunRequest& request, v1
   Writing writing(hooks, request.options.time_limit);
   for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as)) {
     const Sink sink = writing.noted(hooks.open_output(format));
-    const auto written = write_mesh(result, format, request.options.threads, sink, writing.stop());
+    const auto written = write_mesh(result, format, request.options.threads, sink, writing);
     if (!written && writing.is_out_of_time())
       return bad_input("Nothing of the result was written within the time limit; allow more seconds, or none (0).");
     if (!written && writing.is_stopped()) return false;

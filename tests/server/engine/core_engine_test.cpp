@@ -17,6 +17,7 @@
 #include "server/engine/most_threads.h"
 #include "tests/core/hdf/program.h"
 #include "tests/core/support/groups.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh::server {
 namespace {
@@ -279,10 +280,10 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
   EXPECT_TRUE(refused->stopped) << "it is not admitted";
 }
 
-/// A job whose result HDF5 needs some twenty seconds to make before its first byte comes.
-RunRequest slow_to_write() {
+/// A job on one thread that judges a mesh and writes it.
+RunRequest written_as(v1::MeshFormat format, const HighOrderMesh& mesh) {
   std::string bytes;
-  const auto written = formats::write(varimesh::testing::square_in(100'000), formats::Format::Msh41, [&](auto piece) {
+  const auto written = formats::write(mesh, formats::Format::Msh41, [&](auto piece) {
     bytes += piece;
     return true;
   });
@@ -291,13 +292,14 @@ RunRequest slow_to_write() {
   request.input = std::make_shared<Bytes>(bytes);
   request.options.threads = 1;
   request.quality.emplace();
-  request.outputs = {v1::MESH_FORMAT_CGNS};
+  request.outputs = {format};
   return request;
 }
 
 TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItWrites) {
   NEEDS_HDF5();
-  const RunRequest request = slow_to_write();
+  // HDF5 needs some twenty seconds to make it before its first byte comes.
+  const RunRequest request = written_as(v1::MESH_FORMAT_CGNS, varimesh::testing::square_in(100'000));
   const auto run = [&](double time_limit, const auto& control) {
     const auto writes = std::make_shared<std::atomic<bool>>(false);
     bool admitted = false;
@@ -330,6 +332,28 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItWrites) {
   ASSERT_TRUE(given_up) << given_up.error().sentence;
   EXPECT_TRUE(given_up->stopped && given_up->unwritten);
   EXPECT_LT(at_once, 9) << "nobody needs the result";
+}
+
+TEST(CoreEngine, MarksOfCellsAreNoSilence) {
+  using varimesh::testing::Filling;
+  // Its marks take two seconds. A result that no byte comes of is given up after one.
+  const RunRequest request = written_as(
+      v1::MESH_FORMAT_VTU, varimesh::testing::grid(Filling::Hexahedra, {5, 5, 5}, 8, varimesh::testing::bent(3)));
+  bool admitted = false, opened = false;
+  std::string bytes;
+  RunHooks hooks = hooks_that_note_admission(admitted);
+  hooks.given_up = [&] { return opened; };
+  hooks.open_output = [&](v1::MeshFormat) {
+    opened = true;
+    return [&](std::string_view piece) {
+      bytes += piece;
+      return true;
+    };
+  };
+  const auto outcome = core_engine().run(request, hooks);
+  ASSERT_TRUE(outcome) << outcome.error().sentence;
+  EXPECT_FALSE(outcome->stopped || outcome->unwritten);
+  EXPECT_TRUE(bytes.ends_with("</VTKFile>\n"));
 }
 
 }  // namespace
