@@ -18,6 +18,10 @@ bool takes_jobs(const CommandFacts& command) {
                              [](const FlagFacts& flag) { return flag.argument && flag.names[0] == "JOB"; });
 }
 
+/// For sed -n: the names of jobs without their "jobs/". A server could send anything in place of a name, and shells run
+/// what is in some words.
+constexpr char kPlainNames[] = "s,^jobs/\\([0-9a-z]*\\)$,\\1,p";
+
 std::string quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -68,13 +72,19 @@ _varimesh_files() {
   compopt -o filenames
   mapfile -t COMPREPLY < <(compgen -f -- "$cur")
 }
-# The names of jobs on the server that the line names, or on the usual one, without their "jobs/".
+# The names of jobs on the server that the line names, or on the usual one, without their "jobs/". What is no plain name is
+# left out, because compgen -W would run what is in it.
 _varimesh_jobs() {
-  local server=() i names
-  for ((i = 1; i < COMP_CWORD - 1; ++i)); do
-    if [ "${COMP_WORDS[i]}" = --server ]; then server=(--server "${COMP_WORDS[i + 1]}"); fi
-  done
-  names=$(timeout 2 varimesh jobs --names "${server[@]}" 2>/dev/null | sed 's,^jobs/,,')
+  # Up to the cursor, after --server and a space or an equals sign: the address. bash splits addresses in COMP_WORDS.
+  local line=${COMP_LINE:0:COMP_POINT} server=() given names variable='^\$\{?([A-Za-z_][A-Za-z_0-9]*)\}?$'
+  if [[ $line =~ [[:space:]]--server(=|[[:space:]]+)[^[:space:]]*$ ]]; then return; fi
+  if [[ $line =~ [[:space:]]--server(=|[[:space:]]+)([^[:space:]]+)[[:space:]] ]]; then
+    given=${BASH_REMATCH[2]//[\"\']/}
+    if [[ $given =~ $variable ]]; then given=${!BASH_REMATCH[1]}; fi
+    server=(--server "$given")
+  fi
+  names=$(timeout 2 varimesh jobs --names "${server[@]}" 2>/dev/null | sed -n ')" +
+         std::string(kPlainNames) + R"(')
   mapfile -t COMPREPLY < <(compgen -W "$names" -- "$cur")
 }
 _varimesh() {
@@ -156,9 +166,15 @@ std::string zsh_completion(const std::vector<CommandFacts>& commands) {
     cases += "      && return\n    ;;\n";
   }
   return "#compdef varimesh\n# Completion of varimesh for zsh; made by `varimesh completion zsh`.\n"
-         "_varimesh_jobs() {\n  local -a names server\n  local at=${words[(I)--server]}\n"
-         "  (( at )) && server=(--server $words[at+1])\n"
-         "  names=(${(f)\"$(timeout 2 varimesh jobs --names $server 2>/dev/null | sed 's,^jobs/,,')\"})\n"
+         "_varimesh_jobs() {\n  local -a names server\n  local given at=${words[(I)--server]}\n"
+         "  (( at )) && given=$words[at+1]\n"
+         "  (( at = ${words[(I)--server=*]} )) && given=${words[at]#--server=}\n"
+         "  given=${(Q)given}\n"
+         "  [[ $given =~ '^\\$\\{?([A-Za-z_][A-Za-z_0-9]*)\\}?$' ]] && given=${(P)match[1]}\n"
+         "  [[ -n $given ]] && server=(--server $given)\n"
+         "  names=(${(f)\"$(timeout 2 varimesh jobs --names $server 2>/dev/null | sed -n '" +
+         std::string(kPlainNames) +
+         "')\"})\n"
          "  compadd -a names\n}\nlocal -a commands\ncommands=(\n" +
          list +
          ")\nif (( CURRENT == 2 )); then\n  _describe command commands\n  return\nfi\n"
@@ -168,16 +184,33 @@ std::string zsh_completion(const std::vector<CommandFacts>& commands) {
 
 // ===== fish =====
 
+namespace {
+
+/// A function that prints the names of jobs on the server that the line names, or on the usual one.
+constexpr char kFishJobs[] = R"(function __varimesh_jobs
+  set -l server
+  set -l given (commandline -pc | string replace -rf '^.*\s--server(?:=|\s+)(\S+)\s.*$' '$1' | string trim -c '"\'')
+  if test -n "$given"
+    set -l variable (string replace -rf '^\$([A-Za-z_][A-Za-z_0-9]*)$' '$1' -- $given)
+    and set given $$variable
+    set server --server $given
+  end
+  timeout 2 varimesh jobs --names $server 2>/dev/null | string replace -rf '^jobs/([0-9a-z]*)$' '$1'
+end
+)";
+
+}  // namespace
+
 std::string fish_completion(const std::vector<CommandFacts>& commands) {
-  std::string out = "# Completion of varimesh for fish; made by `varimesh completion fish`.\ncomplete -c varimesh -f\n";
+  std::string out = "# Completion of varimesh for fish; made by `varimesh completion fish`.\n" +
+                    std::string(kFishJobs) + "complete -c varimesh -f\n";
   for (const CommandFacts& command : commands) {
     out += "complete -c varimesh -n __fish_use_subcommand -a " + command.name + " -d " + quoted(command.purpose) + "\n";
     const std::string when = "complete -c varimesh -n '__fish_seen_subcommand_from " + command.name + "'";
     for (const FlagFacts& flag : command.flags) {
       if (flag.argument) {
         if (flag.file) out += when + " -F\n";
-        if (flag.names[0] == "JOB")
-          out += when + " -a '(timeout 2 varimesh jobs --names 2>/dev/null | string replace jobs/ \"\")'\n";
+        if (flag.names[0] == "JOB") out += when + " -a '(__varimesh_jobs)'\n";
         if (!flag.choices.empty()) out += when + " -a " + quoted(joined(flag.choices, " ")) + "\n";
         continue;
       }

@@ -16,12 +16,20 @@ class Completed(WithFolder):
 
 
 # A program in place of varimesh: completion asks it for the names of jobs.
-ASKED = "varimesh() { echo \"$@\" >asked; printf 'jobs/12345678\\njobs/1299\\n'; }; timeout() { shift; \"$@\"; }; "
+# The last name is one of a server that wants its words to be run.
+ASKED = ("varimesh() { echo \"$@\" >asked; printf '%s\\n' jobs/12345678 jobs/1299 'jobs/12$(touch${IFS}run)' '$(touch${IFS}run)'; }; "
+         "timeout() { shift; \"$@\"; }; SERVER=there:2; ")
+# How --server is written, and what is asked then. The words are those that bash makes of it.
+SERVERS = (("--server here:1", ("--server", "here", ":", "1"), "here:1"),
+           ("--server=here:1", ("--server", "=", "here", ":", "1"), "here:1"),
+           ("--server unix:/a/b", ("--server", "unix", ":", "/a/b"), "unix:/a/b"),
+           ('--server "$SERVER"', ("--server", "'\"$SERVER\"'"), "there:2"))
 
 
 class Bash(Completed):
-    def bash(self, *words):
+    def bash(self, *words, line=""):
         script = (ASKED + f"cd '{self.folder}'; source ./bash; COMP_WORDS=(varimesh {' '.join(words)}); COMP_CWORD={len(words)}; "
+                  f"COMP_LINE='{line}'; COMP_POINT={len(line)}; "
                   "compopt() { :; }; _varimesh; printf '%s\\n' \"${COMPREPLY[@]}\"")
         return shell("bash", "-c", script).stdout.split("\n")[:-1]
 
@@ -39,8 +47,12 @@ class Bash(Completed):
 
     def test_offers_the_jobs_of_the_server(self):
         self.assertEqual(self.bash("watch", "123"), ["12345678"])
-        self.assertEqual(self.bash("results", "--server", "here:1", "12"), ["12345678", "1299"])
-        self.assertEqual((self.folder / "asked").read_text(), "jobs --names --server here:1\n")
+        for written, words, asked in SERVERS:
+            offered = self.bash("results", *words, "12", line=f"varimesh results {written} 12")
+            self.assertEqual(offered, ["12345678", "1299"], written)
+            self.assertEqual((self.folder / "asked").read_text(), f"jobs --names --server {asked}\n")
+        self.assertEqual(self.bash("results", "--server", "here", ":", "1", line="varimesh results --server here:1"), [""])
+        self.assertFalse((self.folder / "run").exists())
 
 
 class Fish(Completed):
@@ -56,6 +68,18 @@ class Fish(Completed):
         self.assertEqual(self.fish("varimesh convert wing"), ["wing mesh.msh"])
         self.assertEqual(set(OPTIONS) - set(self.fish("varimesh optimise --")), set())
 
+    def test_offers_the_jobs_of_the_server(self):
+        programs = self.folder / "programs"
+        programs.mkdir()
+        (programs / "varimesh").write_text("#!/bin/bash\n" + ASKED + "cd \"$(dirname \"$0\")/..\"; varimesh \"$@\"\n")
+        (programs / "varimesh").chmod(0o755)
+        for written, _, asked in (("", (), ""),) + SERVERS:
+            line = f"varimesh results {written} 12"
+            done = shell("fish", "-c", f"set -x PATH {programs} $PATH; set SERVER there:2; source {self.folder}/fish; complete -C '{line}'")
+            self.assertEqual(sorted(one.split("\t")[0] for one in done.stdout.splitlines()), ["12345678", "1299"], written)
+            self.assertEqual((self.folder / "asked").read_text().split()[2:], ["--server", asked] if asked else [])
+        self.assertFalse((self.folder / "run").exists())
+
 
 class Zsh(Completed):
     def test_completes(self):
@@ -69,13 +93,19 @@ class Zsh(Completed):
         self.assertIn("--energy=[The energy that is minimised]:value:(hyperelastic linear-elastic winslow distortion)", done.stdout)
         self.assertIn("*--output=[Write the result to this file (", done.stdout)
         self.assertIn("1:IN:_files", done.stdout)
-        offered = shell("zsh", "-f", "-c", ASKED + "compadd() { print -rl -- $names }; " + script
-                        + f"cd {self.folder}; run watch --server here:1 '' >/dev/null; words=(watch --server here:1 ''); _varimesh_jobs")
-        self.assertEqual(offered.stdout.split(), ["12345678", "1299"])
-        self.assertEqual((self.folder / "asked").read_text(), "jobs --names --server here:1\n")
         for option in OPTIONS:
             value = "" if option in ("--orient", "--simplices") else "="  # these are switches
             self.assertIn(f"{option}{value}[", done.stdout)
+
+    def test_offers_the_jobs_of_the_server(self):
+        script = (ASKED + "_arguments() { }; compadd() { print -rl -- $names }; words=(varimesh watch ''); CURRENT=3; "
+                  f"cd {self.folder}; source ./zsh; ")
+        for written, _, asked in (("", (), ""),) + SERVERS:
+            quoted = " ".join(f"'{word}'" for word in written.split())  # zsh keeps the quotes of the line in its words
+            offered = shell("zsh", "-f", "-c", script + f"words=(watch {quoted} ''); _varimesh_jobs")
+            self.assertEqual(offered.stdout.split(), ["12345678", "1299"], written + offered.stderr)
+            self.assertEqual((self.folder / "asked").read_text().split()[2:], ["--server", asked] if asked else [])
+        self.assertFalse((self.folder / "run").exists())
 
 
 if __name__ == "__main__":
