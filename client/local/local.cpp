@@ -1,5 +1,7 @@
 #include "client/local/local.h"
 
+#include <limits>
+
 #include "client/local/local_meshes.h"
 #include "core/base/machine_memory.h"
 #include "core/geometry/load.h"
@@ -61,6 +63,8 @@ Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& f
   options.engine = meshes->engine(engine_with_models());
   options.data = folder;
   options.limits.max_memory_bytes = machine_memory();
+  // The jobs are those of one command, which has them all wait.
+  options.limits.max_pending_jobs = std::numeric_limits<int>::max();
   auto started = server::Server::start(std::move(options));
   if (!started) return tl::unexpected(started.error());
   return std::make_unique<InProcess>(std::move(meshes), std::move(*started));

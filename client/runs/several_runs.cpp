@@ -13,6 +13,7 @@
 #include "client/jobs/connection.h"
 #include "client/jobs/result_files.h"
 #include "client/jobs/several.h"
+#include "client/library/failures.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/utf8.h"
@@ -66,45 +67,68 @@ class Jobs {
  public:
   Jobs(Client* client, const CommonFlags& flags) : client_(client), flags_(flags) {}
 
-  /// Uploads the mesh and submits its job. Returns the exit status; if it is not kDone, an error has been printed.
-  int submit(const Run& run, Input input, v1::JobSpec spec) {
-    input.mesh = run.mesh;
-    add_file_label(run.mesh, spec.mutable_labels());
-    spec.add_outputs(run.output.format);
-    const auto mesh = upload(*client_, input);
-    if (!mesh) return refuse(run, print_error(mesh.error()));
-    spec.mutable_mesh()->set_digest(mesh->digest());
-    const auto job = client_->submit(spec);
-    if (!job) return refuse(run, print_error(job.error()));
-    jobs_.push_back(*job);
-    runs_[job->name()] = &run;
-    return kDone;
+  /// Uploads the meshes and submits their jobs. Stops early if there is an interrupt or the server is lost, since it
+  /// would refuse all others too.
+  Outcome<void> submit(const std::vector<Run>& runs, const Input& input, const v1::JobSpec& spec) {
+    for (const Run& run : runs) {
+      auto job = interrupted() ? Outcome<v1::Job>(interruption("Interrupted before all jobs were submitted."))
+                               : submit(run, input, spec);
+      if (job) {
+        jobs_.push_back(*job);
+        runs_[job->name()] = &run;
+        continue;
+      }
+      const auto kind = job.error().kind;
+      if (kind == Failure::Kind::Transport || kind == Failure::Kind::Interrupted) {
+        std::cerr << "varimesh: " << runs.size() - jobs_.size() << " of " << runs.size() << " meshes were not submitted"
+                  << std::endl;
+        return tl::unexpected(job.error());
+      }
+      note(print_error(job.error()));
+      std::cerr << "varimesh: " << as_plain_text(run.mesh) << " was not optimised" << std::endl;
+    }
+    return {};
   }
 
+  /// Waits for the jobs and fetches their results.
   Outcome<void> wait() {
     Waiting waiting;
     waiting.on_end = [&](const v1::Job& job) { end(job); };
     waiting.on_deleted = [&](const std::string& name) { lose(name); };
     waiting.on_look = [&](std::size_t ended, std::size_t all) { draw(ended, all); };
-    return wait_for_ends(client_, jobs_, waiting);
+    if (const auto ended = wait_for_ends(client_, jobs_, waiting); !ended) return ended;
+    if (!runs_.empty()) return interruption("Interrupted before all results were fetched.");
+    return {};
+  }
+
+  /// Prints why not all jobs are waited for, and returns the exit status.
+  int say_why(const Failure& failure) {
+    clear();
+    return print_error(failure);
   }
 
   /// Ends the jobs that still run; their best meshes so far are their results.
   void cut_short() {
     clear();
-    std::cerr << "varimesh: interrupted; the runs end and their best meshes are written. A second Ctrl-C gives them up"
-              << std::endl;
+    if (runs_.empty()) return;
+    std::cerr << "varimesh: the runs end and their best meshes are written. A second Ctrl-C gives them up" << std::endl;
     keep_calls_going();
     const std::map<std::string, const Run*> open = runs_;
     for (const auto& [name, run] : open) client_->cancel(name);
     for (const auto& [name, run] : open)
-      if (const auto ended = client_->watch(name, 0, [](const v1::JobEvent&) { return true; })) end(*ended);
+      if (const auto ended = client_->watch(name, 0, [](const v1::JobEvent&) { return true; }))
+        end(*ended);
+      else
+        note(print_error(ended.error()));
   }
 
-  void say_where_they_run() const {
-    std::cerr << "varimesh: interrupted; the jobs go on running on " << flags_.server
-              << ". 'varimesh jobs' lists them, and "
-              << "'varimesh results JOB… --into DIR' fetches their results" << std::endl;
+  /// For jobs of a server that are not waited for any longer.
+  void say_where_they_run() {
+    clear();
+    if (runs_.empty()) return;
+    std::cerr << "varimesh: these jobs stay on " << flags_.server << ":";
+    for (const auto& [name, run] : runs_) std::cerr << " " << as_plain_text(name);
+    std::cerr << "; 'varimesh results JOB… --into DIR' fetches their results" << std::endl;
   }
 
   /// Prints how all ended, and returns the exit status.
@@ -119,24 +143,37 @@ class Jobs {
   }
 
  private:
-  int refuse(const Run& run, int status) {
-    if (worst_ == kDone) worst_ = status;
-    std::cerr << "varimesh: " << as_plain_text(run.mesh) << " was not optimised" << std::endl;
-    return status;
+  /// Uploads the mesh and submits its job.
+  Outcome<v1::Job> submit(const Run& run, Input input, v1::JobSpec spec) {
+    input.mesh = run.mesh;
+    add_file_label(run.mesh, spec.mutable_labels());
+    spec.add_outputs(run.output.format);
+    const auto mesh = upload(*client_, input);
+    if (!mesh) return tl::unexpected(mesh.error());
+    spec.mutable_mesh()->set_digest(mesh->digest());
+    return client_->submit(spec);
   }
 
+  /// The exit status is that of the first error.
+  void note(int status) {
+    if (worst_ == kDone) worst_ = status;
+  }
+
+  /// Fetches the result of a job that has ended. If an interrupt ends that, the run is kept, to be ended again.
   void end(const v1::Job& job) {
     const Run& run = *runs_.at(job.name());
-    runs_.erase(job.name());
-    endings_.add(job);
     clear();
     Json files = Json::array();
     if (has_result(job)) {
-      if (const auto done = fetch(*client_, job, {run.output}); !done)
-        worst_ = print_error(done.error());
-      else
+      if (const auto done = fetch(*client_, job, {run.output}); done)
         files.push_back(run.output.path);
+      else if (done.error().kind == Failure::Kind::Interrupted)
+        return;
+      else
+        note(print_error(done.error()));
     }
+    runs_.erase(job.name());
+    endings_.add(job);
     if (flags_.json) {
       documents_.push_back(document(job));
       documents_.back()["files"] = files;
@@ -185,7 +222,6 @@ int optimise_several(OptimiseArguments arguments, const std::vector<std::string>
   if (!runs) return print_error(runs.error());
   const auto connection = connect_for(arguments);
   if (!connection) return connection.error();
-  const bool in_process = arguments.common.server.empty();
   v1::JobSpec spec;
   *spec.mutable_options() = arguments.options;
   if (arguments.wanted_layers) *spec.mutable_layers() = *arguments.wanted_layers;
@@ -195,19 +231,17 @@ int optimise_several(OptimiseArguments arguments, const std::vector<std::string>
   if (*geometry) *spec.mutable_geometry() = std::move(**geometry);
 
   Jobs jobs(connection->client.get(), arguments.common);
-  for (const Run& run : *runs)
-    // A server that is lost refuses all others too.
-    if (const int status = jobs.submit(run, input, spec); status == kServer || status == kInterrupted) return status;
-  const auto ended = jobs.wait();
+  auto ended = jobs.submit(*runs, input, spec);
+  if (ended) ended = jobs.wait();
   if (ended) return jobs.finish();
-  if (ended.error().kind != Failure::Kind::Interrupted) return print_error(ended.error());
-  if (in_process) {
+  const int status = jobs.say_why(ended.error());
+  if (connection->local) {
     jobs.cut_short();
     jobs.finish();
   } else {
     jobs.say_where_they_run();
   }
-  return kInterrupted;
+  return status;
 }
 
 }  // namespace varimesh::client

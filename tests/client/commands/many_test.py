@@ -1,8 +1,11 @@
 """The commands for many jobs at once: submit with several meshes, wait, results, and jobs --watch."""
+import contextlib
 import fcntl
+import hashlib
 import json
 import os
 import pty
+import re
 import shlex
 import shutil
 import signal
@@ -12,16 +15,37 @@ import termios
 import time
 import unittest
 
-from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, WithFolder, WithServer, run, start
+from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, Server, WithFolder, WithServer, run, start
 
 
-class Several(WithFolder):
-    """optimise --into, without a server."""
-
+class Runs(WithFolder):
     def meshes(self, **cases):
         for name, case in cases.items():
             (self.folder / f"{name}.msh").write_bytes(case.encode() if isinstance(case, str) else case.read_bytes())
         return [self.folder / f"{name}.msh" for name in cases]
+
+    def interrupted(self, *arguments, **keywords):
+        """Interrupts a run of endless meshes that reads its last mesh from a pipe into which nothing is written. So the
+        others have been submitted, and the last has not."""
+        pipe, into = self.folder / "pipe.msh", self.folder / "out"
+        os.mkfifo(pipe)
+        running = start("optimise", *self.meshes(a=LARGER, b=LARGER), pipe, "--into", into, *ENDLESS, *arguments, **keywords)
+        writer = None
+        while writer is None:
+            self.assertIsNone(running.poll())
+            with contextlib.suppress(OSError):  # until the command has opened the pipe
+                writer = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        time.sleep(1)  # a run that has not begun has no mesh
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+        os.close(writer)
+        self.assertEqual(running.returncode, 130, errors)
+        self.assertIn("1 of 3 meshes were not submitted", errors)
+        return into, errors
+
+
+class Several(Runs):
+    """optimise --into, without a server."""
 
     def test_each_result_is_that_of_the_mesh_alone(self):
         meshes, into = self.meshes(a=MESH, b=LARGER, c=FOLDED), self.folder / "new" / "results"
@@ -40,7 +64,7 @@ class Several(WithFolder):
         wrong, missing = self.folder / "wrong.msh", self.folder / "missing.msh"
         wrong.write_text("no mesh")
         done = run("optimise", wrong, good, missing, "--into", self.folder / "out", "--json")
-        self.assertNotEqual(done.returncode, 0)
+        self.assertEqual(done.returncode, 3, done.stderr)
         self.assertIn("missing.msh was not optimised", done.stderr)
         jobs = json.loads(done.stdout)["jobs"]
         self.assertEqual(sorted(len(job["files"]) for job in jobs), [0, 1])
@@ -71,6 +95,36 @@ class Several(WithFolder):
         _, errors = running.communicate(timeout=60)
         self.assertEqual(running.returncode, 130, errors)
         self.assertEqual(sorted(os.listdir(into)), ["a.msh", "b.msh"])
+
+    def test_an_interrupt_before_all_are_submitted(self):
+        into, errors = self.interrupted()
+        self.assertIn("the runs end and their best meshes are written", errors)
+        self.assertEqual(sorted(os.listdir(into)), ["a.msh", "b.msh"])
+
+
+class SeveralOnAServer(Runs):
+    def setUp(self):
+        super().setUp()
+        tokens = self.folder / "tokens"
+        tokens.write_text(f"ann submit,read,cancel {hashlib.sha256(b'secret').hexdigest()}\n")
+        tokens.chmod(0o600)
+        self.server = Server("--tokens", str(tokens), "--max-bytes-per-owner", "1000000")
+        self.addCleanup(self.server.stop)
+        self.anns = {"env": {**os.environ, "VARIMESH_TOKEN": "secret"}}
+
+    def test_a_mesh_that_the_server_has_no_room_for_leaves_the_others(self):
+        done = run("optimise", *self.meshes(a=MESH, b="x" * 2000000, c=FOLDED), "--into", self.folder / "out", "--server",
+                   self.server.address, **self.anns)
+        self.assertEqual(done.returncode, 5, done.stderr)
+        self.assertIn("b.msh was not optimised", done.stderr)
+        self.assertEqual(sorted(os.listdir(self.folder / "out")), ["a.msh", "c.msh"])
+
+    def test_an_interrupt_before_all_are_submitted(self):
+        _, errors = self.interrupted("--server", self.server.address, **self.anns)
+        jobs = re.findall(r"jobs/[0-9a-f]+", errors)
+        self.assertEqual(len(set(jobs)), 2, errors)
+        for job in jobs:
+            self.assertEqual(run("cancel", job, "--server", self.server.address, **self.anns).returncode, 0)
 
 
 class Many(WithServer):
