@@ -12,6 +12,7 @@
 #include "client/io/documents.h"
 #include "client/io/summary.h"
 #include "client/library/failures.h"
+#include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
 #include "client/report/report.h"
 #include "core/base/team.h"
@@ -48,8 +49,14 @@ Outcome<void> fetch_as_msh(Client* client, const v1::StoredMesh& stored, const s
   spec.add_outputs(v1::MESH_FORMAT_MSH41_BINARY);
   const auto job = client->submit(spec);
   if (!job) return tl::unexpected(job.error());
-  const auto ended = client->watch(job->name(), 0, [](const v1::JobEvent&) { return true; });
-  if (!ended) return tl::unexpected(ended.error());
+  const auto goes_on = [] { return !interrupt_ends_calls(); };
+  const auto ended = client->watch(
+      job->name(), 0, [](const v1::JobEvent&) { return true; }, goes_on);
+  if (!ended) {
+    // A job that still waits can be removed then. One that runs ends soon.
+    if (ended.error().kind != Failure::Kind::Transport && client->cancel(job->name())) client->remove(job->name());
+    return tl::unexpected(ended.error());
+  }
   const auto written =
       ended->results_size() > 0
           ? client->download(ended->results(0), file)
