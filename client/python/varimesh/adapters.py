@@ -29,10 +29,9 @@ def from_meshio(mesh: Any, read_vtu: ReadVtu | None = None) -> Mesh:
     data = getattr(mesh, "cell_data", {}) or {}
     pairs = [(cells.type, cells.data) if hasattr(cells, "type") else cells for cells in mesh.cells]
     arrays = [(name, indices(name, nodes)) for name, nodes in pairs]
-    arrays_of_files = [(name, nodes.astype(np.int64)) for name, nodes in arrays]
     if any(_only_in_files(name) for name, _ in arrays):
         read = _with_columns(read_vtu or _of_shared_client, np.asarray(mesh.points).shape[1])
-        return read(VtkGrid.of_meshio(arrays_of_files, mesh).to_vtu())
+        return read(VtkGrid.of_meshio(arrays, mesh).to_vtu())
     blocks: list[Block] = []
     for i, (name, array) in enumerate(arrays):
         if name in _FROM_MESHIO:
@@ -105,8 +104,9 @@ def _vtk_name(kind: int, nodes: int) -> str | None:
 
 
 def from_pyvista(grid: Any, read_vtu: ReadVtu | None = None) -> Mesh:
-    """The Mesh of a pyvista.UnstructuredGrid, with the cell array "gmsh:physical" if there is one. A server reads cells of
-    order 3 and above, and hexahedra and prisms of order 2: that of varimesh.optimise(), unless `read_vtu` does it."""
+    """The Mesh of a pyvista.UnstructuredGrid, with the cell array "gmsh:physical" if there is one. A server reads
+    serendipity cells, cells of order 3 and above, and hexahedra and prisms of order 2: that of varimesh.optimise(), unless
+    `read_vtu` does it."""
     kinds, offsets = np.asarray(grid.celltypes), np.asarray(grid.offset)
     connectivity = np.asarray(grid.cell_connectivity)
     counts = np.diff(offsets)
@@ -188,7 +188,7 @@ _TYPE_OF = {"vertex": 1, "line": 3, "triangle": 5, "quad": 9, "tetra": 10, "hexa
           "quad9": 28, "hexahedron27": 29, "wedge18": 32, "VTK_LAGRANGE_CURVE": 68, "VTK_LAGRANGE_TRIANGLE": 69,
           "VTK_LAGRANGE_QUADRILATERAL": 70, "VTK_LAGRANGE_TETRAHEDRON": 71, "VTK_LAGRANGE_HEXAHEDRON": 72,
           "VTK_LAGRANGE_WEDGE": 73}  # fmt: skip
-# What only the server reads: meshio's names, and VTK's types.
+# Serendipity cells by meshio's names. Only the server reads them.
 _ONLY_IN_FILES = {"quad8", "hexahedron20", "wedge15", "pyramid13"}
 
 
@@ -214,7 +214,7 @@ class VtkGrid:
                    groups, {}, "2.1")  # fmt: skip
 
     @classmethod
-    def of_meshio(cls, blocks: list[tuple[str, NDArray[np.int64]]], mesh: Any) -> VtkGrid:
+    def of_meshio(cls, blocks: list[tuple[str, NDArray[np.int32]]], mesh: Any) -> VtkGrid:
         """`blocks`: the names and nodes of the mesh's blocks. meshio keeps the node order of files before version 2.1."""
         for name, _ in blocks:
             if name not in _TYPE_OF:
@@ -227,7 +227,7 @@ class VtkGrid:
                   for name, value in (getattr(mesh, "field_data", {}) or {}).items()}  # fmt: skip
         return cls(_three_columns(mesh.points),
                    np.concatenate([np.full(len(nodes), _TYPE_OF[name], dtype=np.uint8) for name, nodes in blocks]),
-                   np.cumsum(counts), np.concatenate([nodes.ravel() for _, nodes in blocks]), kept, fields, "1.0")  # fmt: skip
+                   np.cumsum(counts), np.concatenate([nodes.ravel() for _, nodes in blocks], dtype=np.int64), kept, fields, "1.0")  # fmt: skip
 
     def to_vtu(self) -> bytes:
         """The grid as a VTU file."""
