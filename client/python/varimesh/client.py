@@ -102,13 +102,13 @@ class Client:
         Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption, BadMesh or BadOutput. It
         is no error if elements of the result are not certified valid; `result.valid` says whether all are.
         """
-        paths = _paths(output)
+        paths = sorted(_paths(output), key=pages.is_page)  # meshes first
         for path in paths:
             transfer.check_writable(path)
+            if pages.is_page(path):  # before the work
+                self._for_report("JOB", path)
         mesh = mesh if _is_path(mesh) else self._as_mesh(mesh)
         wanted = [_format_of(path, format, _is_path(mesh) and transfer.is_msh(mesh)) for path in paths if not pages.is_page(path)]
-        if len(wanted) < len(paths):
-            pages.find_command()  # before the work
         if arrays is not False:
             # A result in the format of the file keeps its numbers, which arrays do not have.
             wanted += ["as-read"] if _is_path(mesh) and all(one in reports.FORMAT_OF_ENDING.values() for one in wanted) else []
@@ -147,7 +147,7 @@ class Client:
         mesh = mesh if _is_path(mesh) else self._as_mesh(mesh)
         wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh) and transfer.is_msh(mesh)) for path in paths)
         task = job_pb2.QualityTask(lattice=lattice, diagnose=diagnose or bool(paths))
-        job = self._submit_quality(task, mesh if _is_path(mesh) else self._as_mesh(mesh), [*wanted, "cell-quality"], threads)
+        job = self._submit_quality(task, mesh, [*wanted, "cell-quality"], threads)
         try:
             result = job.wait().result()
             for path in paths:
@@ -261,12 +261,13 @@ class Client:
         finally:
             job.delete()
 
-    def _write_report(self, job: str, path: Path) -> None:
-        """Writes the report of a job that has a result, by the command."""
+    def _for_report(self, job: str, path: Path) -> dict[str, str | None]:
+        """What tells the command that writes reports where the server is. Raises BadOption or BadOutput if it cannot write any."""
         if self._for_command is None:
             raise BadOption("The command that writes reports cannot be given gRPC's credentials or channel; give files, or run "
                             f"'varimesh result {job} --report {os.fspath(path)}'.")  # fmt: skip
-        pages.write_report(job, path, self._for_command)
+        pages.find_command()
+        return self._for_command
 
     def _submit_quality(self, task: job_pb2.QualityTask, mesh: MeshLike, outputs: Iterable[str], threads: int = 0) -> Job:
         """A job that judges a mesh: a file, a Mesh, or the reference of a mesh that the server has."""

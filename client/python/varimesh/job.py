@@ -165,20 +165,26 @@ class Result:
     def report(self) -> str:
         """The report as the text of a page in HTML: pictures of the mesh with a colour per element, the convergence, and all
         figures. Needs the command `varimesh`."""
+        return self._report_within(None)
+
+    def _write_report(self, path: str | os.PathLike[str], seconds: float | None = None) -> None:
+        pages.write_report(self.job, path, self._client._for_report(self.job, path), seconds)
+
+    def _report_within(self, seconds: float | None) -> str:
         if self._report is None:
             with tempfile.TemporaryDirectory(prefix="varimesh-") as folder:
                 path = Path(folder, "report.html")
-                self.save(path)
+                self._write_report(path, seconds)
                 self._report = path.read_text(encoding="utf-8")
         return self._report
 
     def _repr_html_(self) -> str:
-        """The report inside the notebook. If the mesh is large, or there is no command `varimesh`, only a picture of the
-        histogram before and after, and the figures."""
+        """The report inside the notebook. If the mesh is large, there is no command `varimesh`, or the report takes long, only
+        a picture of the histogram before and after, and the figures."""
         report = None
         if self.metrics.elements <= pages.MOST_ELEMENTS:
-            with contextlib.suppress(VarimeshError):
-                report = self.report()
+            with contextlib.suppress(VarimeshError, OSError):
+                report = self._report_within(pages.MOST_SECONDS)
         return pages.of_notebook(self, report)
 
     @property
@@ -219,7 +225,7 @@ class Result:
         has the format in which the server has the result. A .html is the report (docs/report.md), which needs the command
         `varimesh`. The file takes its name only when it is complete."""
         if pages.is_page(path):
-            self._client._write_report(self.job, path)
+            self._write_report(path)
             return
         format = reports.FORMAT_OF_ENDING.get(os.path.splitext(path)[1].lower(), format)
         if format is None:

@@ -14,6 +14,7 @@ from typing import IO
 
 from .client import Client
 from .errors import ServerUnreachable
+from .requirements import find_program
 
 # The shell ends the server when the shell's standard input ends. That happens even if this process is killed.
 _KEEPER = """
@@ -41,20 +42,11 @@ class LocalClient(Client):
             self._stop()
 
 
-# The program of the wheel that deploy/make-wheel builds.
-_IN_WHEEL = Path(__file__).parent / "bin" / "varimeshd"
-
-
 def find_server() -> str:
     """The path of varimeshd: from VARIMESHD, in this package, or from PATH."""
-    found = os.environ.get("VARIMESHD")
-    if not found and _IN_WHEEL.exists():
-        if not os.access(_IN_WHEEL, os.X_OK):  # not every installer keeps the permission
-            _IN_WHEEL.chmod(0o755)
-        found = str(_IN_WHEEL)
-    found = found or shutil.which("varimeshd")
-    if not found:
-        raise ServerUnreachable("There is no varimeshd; install varimesh-server, or set VARIMESHD to its path.")
+    found = find_program("varimeshd", "VARIMESHD")
+    if found is None:
+        raise ServerUnreachable("There is no varimeshd that can be run; install varimesh-server, or set VARIMESHD to its path.")
     return found
 
 

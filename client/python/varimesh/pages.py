@@ -3,10 +3,8 @@ from __future__ import annotations
 
 import html
 import os
-import shutil
 import subprocess
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,16 +12,18 @@ from numpy.typing import NDArray
 
 from .errors import BadOutput, ServerUnreachable
 from .reports import Quality
+from .requirements import find_program
 
 if TYPE_CHECKING:
     from .job import Result
 
-# The program of the wheel that deploy/make-wheel builds.
-_IN_WHEEL = Path(__file__).parent / "bin" / "varimesh"
 # Exit statuses of the command.
 _UNCERTIFIED, _NO_SERVER = 4, 5
 #: The report of a larger mesh is not shown without being asked for, because the notebook would have to keep it.
 MOST_ELEMENTS = 20_000
+#: How long a notebook waits for a report that it shows without being asked for.
+MOST_SECONDS = 20.0
+_LAST_WORDS = 5.0  # seconds
 _WIDTH, _HEIGHT, _BARS = 480, 150, 25
 _BEFORE, _AFTER = "#c9771b", "#2a6fb0"
 
@@ -35,34 +35,51 @@ def is_page(path: str | os.PathLike[str]) -> bool:
 
 def find_command() -> str:
     """The path of the command `varimesh`: from VARIMESH, in this package, or from PATH."""
-    found = os.environ.get("VARIMESH")
-    if not found and _IN_WHEEL.exists():
-        if not os.access(_IN_WHEEL, os.X_OK):  # not every installer keeps the permission
-            _IN_WHEEL.chmod(0o755)
-        found = str(_IN_WHEEL)
-    found = found or shutil.which("varimesh")
-    if not found:
-        raise BadOutput("The command 'varimesh' writes reports, and it is not here; install varimesh-client, or set VARIMESH to its "
-                        "path.")  # fmt: skip
+    found = find_program("varimesh", "VARIMESH")
+    if found is None:
+        raise BadOutput("The command 'varimesh' writes reports, and it is not here or cannot be run; install varimesh-client, or "
+                        "set VARIMESH to its path.")  # fmt: skip
     return found
 
 
-def write_report(job: str, path: str | os.PathLike[str], environment: Mapping[str, str | None]) -> None:
-    """Writes the report of a job. `environment` says where its server is and what it must be shown; None: not set."""
+def write_report(job: str, path: str | os.PathLike[str], environment: Mapping[str, str | None],
+                 seconds: float | None = None) -> None:  # fmt: skip
+    """Writes the report of a job. `environment` says where its server is and what it must be shown; None: not set. If
+    `seconds` are not enough, there is no report."""
     around = {**os.environ, **{key: value for key, value in environment.items() if value is not None}}
     for key, value in environment.items():
         if value is None:
             around.pop(key, None)
     command = [find_command(), "result", job, "--report", os.fspath(path), "--quiet"]
-    done = subprocess.run(command, env=around, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
-    if done.returncode in (0, _UNCERTIFIED):
+    try:
+        process = subprocess.Popen(command, env=around, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.PIPE, text=True, errors="replace")  # fmt: skip
+    except OSError as error:
+        raise BadOutput(f"The command {command[0]} cannot be run: {error.strerror}.") from error
+    try:
+        said = process.communicate(timeout=seconds)[1].strip()
+    except subprocess.TimeoutExpired:
+        raise BadOutput(f"The report was not ready within {seconds:g} s; the server may be busy.") from None
+    finally:
+        _end(process)
+    if process.returncode in (0, _UNCERTIFIED):
         return
-    sentence = done.stderr.strip().removeprefix("varimesh: ") or f"{command[0]} ended with status {done.returncode}."
-    raise (ServerUnreachable if done.returncode == _NO_SERVER else BadOutput)(sentence)
+    sentence = said.removeprefix("varimesh: ") or f"{command[0]} ended with status {process.returncode}."
+    raise (ServerUnreachable if process.returncode == _NO_SERVER else BadOutput)(sentence)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Ends a command that nobody waits for any more, and lets it remove what it made on the server."""
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.communicate(timeout=_LAST_WORDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
 
 
 # ===== in a notebook =====
-
 
 
 def _heights(quality: Quality) -> NDArray[np.float64]:

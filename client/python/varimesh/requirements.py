@@ -1,11 +1,14 @@
-"""Finds what the package needs before it is imported: numpy, gRPC, Protobuf and the generated modules.
+"""Finds what the package needs: numpy, gRPC, Protobuf and the generated modules before it is imported, and programs.
 
 A wheel of deploy/make-wheel has gRPC and Protobuf in the folder `vendor`, for one version of Python. They are used only if
 Python finds none of its own.
 """
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import os
+import shutil
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -44,3 +47,15 @@ def check() -> None:
         debian = " ".join("python3-" + _DISTRIBUTIONS[module] for module in missing)
         raise ImportError(f"varimesh needs modules that are not installed: run 'pip install {names}', or on Debian "
                           f"'apt-get install {debian}'.")  # fmt: skip
+
+
+def find_program(name: str, variable: str) -> str | None:
+    """The path of a program of VariMesh: what the environment variable says, or else the program in this package or in PATH.
+    None if it is not there or cannot be run."""
+    if said := os.environ.get(variable):
+        return shutil.which(said)
+    in_wheel = _HERE / "bin" / name  # where deploy/make-wheel puts it
+    if in_wheel.exists() and not os.access(in_wheel, os.X_OK):  # not every installer keeps the permission
+        with contextlib.suppress(OSError):
+            in_wheel.chmod(0o755)
+    return shutil.which(str(in_wheel)) or shutil.which(name)
