@@ -38,8 +38,18 @@ class Varimeshd(WithFolder):
         completed = subprocess.run(["bash", "-c", f"source <({VARIMESHD} completion bash); COMP_WORDS=(varimeshd --max-mesh); "
                                     "COMP_CWORD=1; _varimeshd; echo ${COMPREPLY[@]}"], capture_output=True, text=True)
         self.assertEqual(completed.stdout, "--max-mesh-bytes\n", completed.stderr)
-        for line in re.findall(r"^  (varimeshd .*--print-config)$", shown, re.MULTILINE):
-            subprocess.run([VARIMESHD, *line.split()[1:]], check=True, capture_output=True)
+
+    def test_the_examples_of_the_help_are_accepted(self):
+        shown = subprocess.run([VARIMESHD, "--help"], capture_output=True, text=True, check=True, timeout=20).stdout
+        calls = [call.split()[1:] for line in re.findall(r"^  (varimeshd.*)$", shown[: shown.index("\nUsage:")], re.MULTILINE)
+                 for call in line.split(" && ")]
+        self.assertEqual(len(calls), 7)
+        for words in calls:
+            with self.subTest(" ".join(words)):
+                if words[:1] != ["token"] and "--print-config" not in words:
+                    words.append("--print-config")  # no server starts
+                done = subprocess.run([VARIMESHD, *words], cwd=self.folder, capture_output=True, text=True, timeout=20)
+                self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_refuses_addresses_beyond_loopback(self):
         done = subprocess.run([VARIMESHD, "--listen", "0.0.0.0:0"], capture_output=True, text=True, timeout=20)
