@@ -56,9 +56,9 @@ std::vector<ResultFile> result_files(const std::vector<v1::Job>& jobs, const std
 }
 
 Expected<void> make_folder(const std::string& path) {
-  std::error_code error;
+  std::error_code error, ignored;
   std::filesystem::create_directories(path, error);
-  if (std::filesystem::is_directory(path)) return {};
+  if (std::filesystem::is_directory(path, ignored)) return {};
   return tl::unexpected(Error{Error::Kind::Output, "The folder " + path + " cannot be made" +
                                                        (error ? ": " + error.message() : std::string()) + "."});
 }

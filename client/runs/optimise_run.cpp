@@ -94,15 +94,6 @@ int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Jo
   return kInvalidLeft;
 }
 
-/// Says in which order of nodes the elements of a mesh fit together, if that is why it was refused.
-void say_fitting_orders(const OptimiseArguments& arguments, const v1::Job& ended) {
-  std::error_code failed;
-  if (ended.error().reason() != "BAD_INPUT" || !std::filesystem::is_regular_file(arguments.input.mesh, failed)) return;
-  const auto file = read_moved(arguments.input);
-  const std::string fitting = file ? fitting_orders_text(*file) : "";
-  if (!fitting.empty()) std::cerr << "varimesh: " << fitting << std::endl;
-}
-
 /// Runs the job and returns the exit status. `geometry_report` gets what came of a model.
 int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
@@ -145,11 +136,19 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (!ended) return ended.error();
   *geometry_report = ended->metrics().geometry();
   const int status = deliver_run(client, arguments, *ended, *outputs);
-  if (ended->has_error()) say_fitting_orders(arguments, *ended);
+  if (ended->has_error()) say_fitting_orders(arguments.input, *ended);
   return status;
 }
 
 }  // namespace
+
+void say_fitting_orders(const Input& input, const v1::Job& ended) {
+  std::error_code failed;
+  if (ended.error().reason() != "BAD_INPUT" || !std::filesystem::is_regular_file(input.mesh, failed)) return;
+  const auto file = read_moved(input);
+  const std::string fitting = file ? fitting_orders_text(*file) : "";
+  if (!fitting.empty()) std::cerr << "varimesh: " << fitting << std::endl;
+}
 
 Expected<void> take_layers(OptimiseArguments* arguments) {
   std::string sentence;

@@ -40,6 +40,9 @@ Expected<void> take_layers(OptimiseArguments* arguments);
 /// The error is the exit status; its message has been printed.
 tl::expected<Connection, int> connect_for(OptimiseArguments& arguments);
 
+/// Says in which order of nodes the elements of a mesh fit together, if that is why it was refused.
+void say_fitting_orders(const Input& input, const v1::Job& ended);
+
 /// Checks, before any work is done, that the outputs of curve() can be written and its options go together. Returns the
 /// exit status; if it is not kDone, an error has been printed.
 int check_curve(OptimiseArguments arguments);

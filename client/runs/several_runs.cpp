@@ -5,11 +5,13 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "client/io/documents.h"
 #include "client/io/job_table.h"
 #include "client/io/outputs.h"
+#include "client/jobs/certified_files.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/result_files.h"
 #include "client/jobs/several.h"
@@ -17,6 +19,8 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/utf8.h"
+#include "core/mesh/check.h"
+#include "core/mesh/plane.h"
 
 namespace varimesh::client {
 namespace {
@@ -65,14 +69,16 @@ Expected<void> check_for_several(const OptimiseArguments& arguments) {
 /// The jobs of a set of meshes, and what is printed about them.
 class Jobs {
  public:
-  Jobs(Client* client, const CommonFlags& flags) : client_(client), flags_(flags) {}
+  /// @param input  what all meshes have in common; it has no mesh
+  Jobs(Client* client, const CommonFlags& flags, Input input)
+      : client_(client), flags_(flags), input_(std::move(input)) {}
 
   /// Uploads the meshes and submits their jobs. Stops early if there is an interrupt or the server is lost, since it
   /// would refuse all others too.
-  Outcome<void> submit(const std::vector<Run>& runs, const Input& input, const v1::JobSpec& spec) {
+  Outcome<void> submit(const std::vector<Run>& runs, const v1::JobSpec& spec) {
     for (const Run& run : runs) {
       auto job = interrupted() ? Outcome<v1::Job>(interruption("Interrupted before all jobs were submitted."))
-                               : submit(run, input, spec);
+                               : submit(run, spec);
       if (job) {
         jobs_.push_back(*job);
         runs_[job->name()] = &run;
@@ -139,19 +145,38 @@ class Jobs {
     else if (!flags_.quiet)
       std::cerr << endings_.sentence() << std::endl;
     if (worst_ != kDone) return worst_;
-    return endings_.exit_status();
+    const int status = endings_.exit_status();
+    return status == kDone && has_uncertified_file_ ? kInvalidLeft : status;
   }
 
  private:
   /// Uploads the mesh and submits its job.
-  Outcome<v1::Job> submit(const Run& run, Input input, v1::JobSpec spec) {
-    input.mesh = run.mesh;
+  Outcome<v1::Job> submit(const Run& run, v1::JobSpec spec) {
+    const Input input = input_of(run);
     add_file_label(run.mesh, spec.mutable_labels());
     spec.add_outputs(run.output.format);
-    const auto mesh = upload(*client_, input);
+    std::optional<formats::MeshFile> moved;
+    if (flags_.server.empty() && spec.has_geometry() && spec.geometry().order() == 0) {
+      auto file = read_moved(input);
+      if (!file) return tl::unexpected(file.error());
+      if (is_surface(file->mesh) && !lies_in_a_plane(file->mesh))
+        return refusal("BAD_INPUT", "'" + run.mesh +
+                                        "' is a surface in space, whose nodes slide without a job: optimise it alone, "
+                                        "with -o in place of --into.");
+      std::error_code failed;
+      if (input.changes_mesh() || !std::filesystem::is_regular_file(input.mesh, failed))
+        moved = std::move(*file);  // it is not read again: a pipe has been read to its end
+    }
+    const auto mesh = moved ? upload(*client_, input, moved, {}) : upload(*client_, input);
     if (!mesh) return tl::unexpected(mesh.error());
     spec.mutable_mesh()->set_digest(mesh->digest());
     return client_->submit(spec);
+  }
+
+  Input input_of(const Run& run) const {
+    Input input = input_;
+    input.mesh = run.mesh;
+    return input;
   }
 
   /// The exit status is that of the first error.
@@ -174,6 +199,11 @@ class Jobs {
     }
     runs_.erase(job.name());
     endings_.add(job);
+    if (job.has_error()) say_fitting_orders(input_of(run), job);
+    if (const std::string left = files.empty() ? "" : uncertified_file({run.output}); !left.empty()) {
+      std::cerr << "varimesh: " << as_plain_text(left) << std::endl;
+      has_uncertified_file_ = true;
+    }
     if (flags_.json) {
       documents_.push_back(document(job));
       documents_.back()["files"] = files;
@@ -203,6 +233,8 @@ class Jobs {
 
   Client* client_;
   const CommonFlags& flags_;
+  Input input_;
+  bool has_uncertified_file_ = false;
   std::vector<v1::Job> jobs_;
   std::map<std::string, const Run*> runs_;  ///< Those that have not ended, by the names of their jobs.
   Endings endings_;
@@ -230,8 +262,8 @@ int optimise_several(OptimiseArguments arguments, const std::vector<std::string>
   if (!geometry) return print_error(geometry.error());
   if (*geometry) *spec.mutable_geometry() = std::move(**geometry);
 
-  Jobs jobs(connection->client.get(), arguments.common);
-  auto ended = jobs.submit(*runs, input, spec);
+  Jobs jobs(connection->client.get(), arguments.common, std::move(input));
+  auto ended = jobs.submit(*runs, spec);
   if (ended) ended = jobs.wait();
   if (ended) return jobs.finish();
   const int status = jobs.say_why(ended.error());

@@ -98,6 +98,7 @@ class Convert(WithFolder):
         hint = "The elements fit together if their nodes are in the order of exodus; give --node-order exodus."
         self.assertIn(hint, run("quality", wrong).stderr)
         self.assertIn(hint, run("optimise", wrong, "-o", out).stderr)
+        self.assertIn(hint, run("optimise", wrong, "--into", self.folder / "into").stderr)
         self.assertIn("certified valid                    2", run("quality", wrong, "--node-order", "exodus").stdout)
         self.assertEqual(run("optimise", wrong, "-o", out, "--node-order", "exodus", "--quiet").returncode, 0)
         self.assertIn("certified valid                    2", run("quality", out).stdout)

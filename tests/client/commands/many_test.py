@@ -86,6 +86,9 @@ class Several(Runs):
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertIn(what, done.stderr)
             self.assertFalse(list(into.glob("*")))
+        done = run("optimise", one, "--into", self.folder / ("n" * 300))
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn("cannot be made: File name too long", done.stderr)
 
     def test_an_interrupt_keeps_the_best_meshes(self):
         meshes, into = self.meshes(a=LARGER, b=LARGER), self.folder / "out"

@@ -100,6 +100,11 @@ class SurfacesAlone(WithFolder):
         self.assertEqual(done.returncode, 2)
         self.assertIn("--history", done.stderr)
         self.assertFalse(self.out.exists())
+        done = run("optimise", self.mesh, BRACKET, "--into", self.folder / "into", "--slide-on", "boundary")
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn("surface.msh' is a surface in space", done.stderr)
+        self.assertIn("-o in place of --into", done.stderr)
+        self.assertEqual([path.name for path in (self.folder / "into").iterdir()], [BRACKET.name])
 
 
 if __name__ == "__main__":
