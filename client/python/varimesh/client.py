@@ -1,6 +1,7 @@
 """The client of a server."""
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 import uuid
@@ -13,7 +14,7 @@ import grpc
 from . import pages, reports, transfer
 from .adapters import as_mesh
 from .connection import Connection, Patience, Stop, default_address, find_credentials, find_token
-from .errors import BadMesh, BadOption, JobCancelled, JobFailed, Stopped
+from .errors import BadMesh, BadOption, JobCancelled, JobFailed, Stopped, VarimeshError
 from .job import Job, Result
 from .mesh import Mesh, from_parts, to_parts
 from .names import spellings, suggestion
@@ -147,15 +148,12 @@ class Client:
         mesh = mesh if _is_path(mesh) else self._as_mesh(mesh)
         wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh) and transfer.is_msh(mesh)) for path in paths)
         task = job_pb2.QualityTask(lattice=lattice, diagnose=diagnose or bool(paths))
-        job = self._submit_quality(task, mesh, [*wanted, "cell-quality"], threads)
-        try:
+        with self._quality_job(task, mesh, [*wanted, "cell-quality"], threads) as job:
             result = job.wait().result()
             for path in paths:
                 result.save(path, format=format)
             return reports.cell_quality_of(result.after, self.download(result._digest("cell-quality")),
                                            result._numbering, result.metrics.unrepairable)  # fmt: skip
-        finally:
-            job.delete()
 
     # ===== jobs =====
 
@@ -253,13 +251,11 @@ class Client:
     def _read_vtu(self, file: bytes) -> Mesh:
         """The mesh in the bytes of a VTU file."""
         digest = transfer.upload(self._connection, self._meshes, transfer.BytesSource(file))
-        job = self._submit_quality(job_pb2.QualityTask(), mesh_pb2.MeshReference(digest=digest), ["parts"])
         try:
-            return from_parts(self.download(job.wait().result()._digest("parts")))
+            with self._quality_job(job_pb2.QualityTask(), mesh_pb2.MeshReference(digest=digest), ["parts"]) as job:
+                return from_parts(self.download(job.wait().result()._digest("parts")))
         except JobFailed as error:
             raise BadMesh(error.sentence) from error
-        finally:
-            job.delete()
 
     def _for_report(self, job: str, path: Path) -> dict[str, str | None]:
         """What tells the command that writes reports where the server is. Raises BadOption or BadOutput if it cannot write any."""
@@ -269,8 +265,9 @@ class Client:
         pages.find_command()
         return self._for_command
 
-    def _submit_quality(self, task: job_pb2.QualityTask, mesh: MeshLike, outputs: Iterable[str], threads: int = 0) -> Job:
-        """A job that judges a mesh: a file, a Mesh, or the reference of a mesh that the server has."""
+    @contextlib.contextmanager
+    def _quality_job(self, task: job_pb2.QualityTask, mesh: MeshLike, outputs: Iterable[str], threads: int = 0) -> Iterator[Job]:
+        """A job that judges a mesh: a file, a Mesh, or the reference of a mesh that the server has. It is deleted in the end."""
         spec = job_pb2.JobSpec(quality=task, options=to_message({"threads": threads}),
                                outputs=[_format_number(name) for name in outputs])  # fmt: skip
         if isinstance(mesh, mesh_pb2.MeshReference):
@@ -280,7 +277,16 @@ class Client:
             if isinstance(mesh, Mesh):
                 spec.mesh.format = mesh_pb2.MESH_FORMAT_PARTS
         request = service_pb2.SubmitJobRequest(request_id=uuid.uuid4().hex, spec=spec)
-        return Job(self, self._connection.call(self._jobs.SubmitJob, request).job)
+        job = Job(self, self._connection.call(self._jobs.SubmitJob, request).job)
+        try:
+            yield job
+        except BaseException as error:
+            if isinstance(error, (KeyboardInterrupt, Stopped)):
+                self._cancel_quietly(job)
+            with contextlib.suppress(VarimeshError):  # the first error says more, and a job that still runs ends soon
+                job.delete()
+            raise
+        job.delete()
 
     def _derived(self, message: job_pb2.Job, format: str) -> bytes:
         """The mesh of a job's result in another format, or the quality of its cells."""
@@ -293,11 +299,8 @@ class Client:
         reference = mesh_pb2.MeshReference(digest=stored[0].digest)
         if stored[0].format == mesh_pb2.MESH_FORMAT_PARTS:
             reference.format = mesh_pb2.MESH_FORMAT_PARTS
-        job = self._submit_quality(job_pb2.QualityTask(), reference, [format])
-        try:
+        with self._quality_job(job_pb2.QualityTask(), reference, [format]) as job:
             return self.download(job.wait().result()._digest(format))
-        finally:
-            job.delete()
 
     def _cell_quality(self, message: job_pb2.Job, report: Quality, numbering: Numbering) -> CellQuality:
         return reports.cell_quality_of(report, self._derived(message, "cell-quality"), numbering)

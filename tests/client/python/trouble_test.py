@@ -174,6 +174,19 @@ class Interrupted(support.WithServer):
         (job,) = self.client.jobs(labels={"for": "interrupt"})
         self.assertEqual(job.wait().state, "cancelled")
 
+    def test_ctrl_c_takes_a_job_of_quality_back(self):
+        busy = [self.client.submit(LARGER, **support.ENDLESS) for _ in range(os.cpu_count() + 1)]
+        self.addCleanup(lambda: [one.cancel() for one in busy])
+        while self.client.job(busy[0].name).state == "pending":
+            time.sleep(0.01)
+        jobs = {job.name for job in self.client.jobs()}
+        timer = threading.Timer(1, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        self.addCleanup(timer.cancel)
+        with self.assertRaises(KeyboardInterrupt):
+            self.client.quality(MESH)
+        self.assertEqual({job.name for job in self.client.jobs()}, jobs)
+
     def test_a_server_that_cannot_start_says_why(self):
         with self.assertRaises(varimesh.ServerUnreachable) as caught:
             varimesh.local(state=MESH)
