@@ -130,7 +130,7 @@ void HttpExchange::in_turn(std::size_t bytes, const std::function<void()>& work)
   if (bytes <= kMostRequestBytes) return work();
   const auto task = std::make_shared<std::packaged_task<void()>>(work);
   std::future<void> done = task->get_future();
-  large_texts_.post([task] { (*task)(); }, header("Authorization") + " " + address());
+  large_texts_.post([task] { (*task)(); }, peer_);
   done.get();
 }
 

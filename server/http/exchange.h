@@ -34,6 +34,9 @@ class HttpExchange {
   /// @param large_texts  a thread that reads and writes large texts of JSON
   HttpExchange(mg_connection* connection, Pool& large_texts);
 
+  /// From now on, the work on the texts of this exchange is that of this caller, who is counted once for all tokens.
+  void set_peer(std::string peer) { peer_ = std::move(peer); }
+
   std::string_view method() const;
   /// Without the query; percent signs are decoded.
   std::string_view path() const;
@@ -112,6 +115,7 @@ class HttpExchange {
   mg_connection* const connection_;
   const mg_request_info& request_;
   Pool& large_texts_;
+  std::string peer_;
   std::optional<int> socket_;  ///< Once it was looked for.
 };
 

@@ -89,6 +89,9 @@ void Gateway::answer(HttpExchange& exchange) const {
 
 void Gateway::answer(HttpExchange& exchange, const Route& route, const std::string& id) const {
   using Jobs = v1::JobService::Stub;
+  const auto peer = admit_(route.call, exchange.header("Authorization"), exchange.address());
+  if (!peer) return exchange.refuse(status(peer.error()));
+  exchange.set_peer(*peer);
   const std::string job = "jobs/" + id;
   const auto named = [&](auto request) {
     request.set_name(job);
@@ -98,7 +101,7 @@ void Gateway::answer(HttpExchange& exchange, const Route& route, const std::stri
     case Route::To::Info:
       return exchange.call(*jobs_, &Jobs::GetServerInfo, v1::GetServerInfoRequest());
     case Route::To::Document:
-      return describe(exchange, route);
+      return exchange.answer_json(openapi_document());
     case Route::To::Submit:
       return submit(exchange);
     case Route::To::List:
@@ -118,12 +121,6 @@ void Gateway::answer(HttpExchange& exchange, const Route& route, const std::stri
     case Route::To::QueryUpload:
       return tell_upload(exchange, *meshes_, id);
   }
-}
-
-void Gateway::describe(HttpExchange& exchange, const Route& route) const {
-  const auto admitted = admit_(route.call, exchange.header("Authorization"), exchange.address());
-  if (!admitted) return exchange.refuse(status(admitted.error()));
-  exchange.answer_json(openapi_document());
 }
 
 void Gateway::work_long(HttpExchange& exchange, Method method, Places& places,
@@ -167,9 +164,6 @@ void Gateway::list(HttpExchange& exchange) const {
 
 void Gateway::submit(HttpExchange& exchange) const {
   const bool has_mesh = exchange.has_type(kFormType);
-  const auto admitted =
-      admit_(has_mesh ? Method::Optimise : Method::SubmitJob, exchange.header("Authorization"), exchange.address());
-  if (!admitted) return exchange.refuse(status(admitted.error()));
   const auto fields = exchange.query();
   if (!fields) return exchange.refuse(status(fields.error()));
   v1::SubmitJobRequest request;

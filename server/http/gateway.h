@@ -49,7 +49,6 @@ class Gateway {
   void answer(HttpExchange& exchange) const;
   /// Answers a request that goes to this route; `id` is what stands for {…} in its path.
   void answer(HttpExchange& exchange, const Route& route, const std::string& id) const;
-  void describe(HttpExchange& exchange, const Route& route) const;
   /// Requests that keep a thread for long, of all callers and of each.
   struct Places {
     PeerCounts all, of_peer;
