@@ -92,7 +92,7 @@ class Slow(WithHttp):
         time.sleep(1)
         self.assertEqual(self.reason("GET", path), (429, "PEER_LIMIT"))
         while b" 429 " in self.first_bytes(path):
-            self.assertLess(time.monotonic() - begun, 60, "the places are kept")
+            self.assertLess(time.monotonic() - begun, 45, "the places are kept")
             time.sleep(1)
 
     def first_bytes(self, path):
@@ -162,12 +162,12 @@ class Stopping(WithHttp):
         for _ in range(20):
             self.open(f"GET /v1/jobs/{job}/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode(), reads=False)
         time.sleep(15)  # the buffers are full
-        self.assertLess(self.stops(), 4)
+        self.assertLess(self.stops(), 2.5)
 
     def test_half_requests(self):
         for i in range(20):
             self.open((b"", b"GET /v1/info HTTP/1.1\r\nHost: ")[i % 2])
-        self.assertLess(self.stops(), 4)
+        self.assertLess(self.stops(), 2.5)
 
 
 if __name__ == "__main__":
