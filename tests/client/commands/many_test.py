@@ -15,7 +15,17 @@ import termios
 import time
 import unittest
 
-from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, Server, WithFolder, WithServer, run, start
+from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, VARIMESH, Server, WithFolder, WithServer, run, start
+
+
+def wait_for_work(process):
+    """Waits until the process has worked for two seconds, so that its runs have begun. One that has not has no mesh."""
+    def seconds():
+        with open(f"/proc/{process.pid}/stat", encoding="utf-8") as file:
+            return sum(map(int, file.read().rsplit(")")[-1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+    while seconds() < 2:
+        assert process.poll() is None
+        time.sleep(0.05)
 
 
 class Runs(WithFolder):
@@ -35,7 +45,8 @@ class Runs(WithFolder):
             self.assertIsNone(running.poll())
             with contextlib.suppress(OSError):  # until the command has opened the pipe
                 writer = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
-        time.sleep(1)  # a run that has not begun has no mesh
+        if "--server" not in arguments:
+            wait_for_work(running)
         running.send_signal(signal.SIGINT)
         _, errors = running.communicate(timeout=60)
         os.close(writer)
@@ -70,6 +81,14 @@ class Several(Runs):
         self.assertEqual(sorted(len(job["files"]) for job in jobs), [0, 1])
         self.assertEqual(os.listdir(self.folder / "out"), ["good.msh"])
 
+    def test_files_of_nektar_are_certified_as_they_are_read(self):
+        mesh, into = self.folder / "mesh.xml", self.folder / "out"
+        self.assertEqual(run("convert", CASES / "interior_p4.msh", mesh).returncode, 0)
+        for where in (["-o", self.folder / "alone.xml"], ["--into", into]):
+            done = run("optimise", mesh, *where)
+            self.assertEqual(done.returncode, 4, done.stderr)
+            self.assertIn("cannot be certified valid, because Nektar++ makes their interior", done.stderr)
+
     def test_what_cannot_be_is_said_before_any_work(self):
         one, other = self.meshes(one=MESH, other=MESH)
         twin = self.folder / "twin" / "one.msh"
@@ -93,7 +112,7 @@ class Several(Runs):
     def test_an_interrupt_keeps_the_best_meshes(self):
         meshes, into = self.meshes(a=LARGER, b=LARGER), self.folder / "out"
         running = start("optimise", *meshes, "--into", into, *ENDLESS)
-        time.sleep(3)
+        wait_for_work(running)
         running.send_signal(signal.SIGINT)
         _, errors = running.communicate(timeout=60)
         self.assertEqual(running.returncode, 130, errors)
