@@ -20,7 +20,7 @@ struct NewtonRules {
   /// If a direction among so many has no positive curvature, the step is solved with a convex part of H.
   int few_products = 0;
   /// If a line search takes less than this share of a step that ended in a direction without positive curvature, the
-  /// next step is solved with a convex part of H from the beginning.
+  /// steps after it are solved with a convex part of H from the beginning.
   double convex_below = 0;
   int most_trials = 30;    ///< Of a line search.
   double decrease = 1e-4;  ///< LineSearch::decrease.

@@ -149,7 +149,7 @@ class Reading {
     const std::size_t left = end - scan.offset();
     if (numbers_.is_binary_file() && left < numbers_.bytes(each))
       scan.fail(std::string(name) + " has " + std::to_string(left) + (left == 1 ? " byte" : " bytes") +
-                " after what it announces, which is less than one more takes; write or copy the file again");
+                " more than its count says, too few for another entry; write or copy the file again");
     scan.fail(std::string(name) + " has more numbers than it announces");
   }
 

@@ -1,6 +1,7 @@
 #include "core/formats/vtu/boundary.h"
 
 #include <algorithm>
+#include <map>
 #include <span>
 #include <string>
 #include <unordered_map>
@@ -131,10 +132,11 @@ class ListedLines {
       const std::size_t count = order >= 1 && order <= kMaxOrder ? std::size_t(order) + 1 : list.size();
       if (at + 2 + count > list.size()) fail("ends within a line, or has an order that no line has");
       const std::span nodes(list.data() + at + 2, count);
-      if (std::ranges::any_of(nodes, [&](auto node) { return node < 0 || std::size_t(node) >= mesh.node_count(); }))
-        fail("refers to a point that is not in the file");
-      allowance.take(1, kTreeNode);
-      lines_[list[at]] = nodes;
+      const auto is_there = [&](std::int32_t node) { return node >= 0 && std::size_t(node) < mesh.node_count(); };
+      if (std::ranges::all_of(nodes, is_there)) {
+        allowance.take(1, kTreeNode);
+        lines_[list[at]] = nodes;
+      }
       at += 2 + count;
     }
   }
@@ -149,10 +151,10 @@ class ListedLines {
  private:
   [[noreturn]] static void fail(const std::string& what) {
     throw ReadFailure{"The mesh file cannot be read: its list of curved lines, " + std::string(kVtkLines) + ", " +
-                      what + "."};
+                      what + ". Write the file again, or remove the list."};
   }
 
-  std::unordered_map<std::int32_t, std::span<const std::int32_t>> lines_;
+  std::map<std::int32_t, std::span<const std::int32_t>> lines_;
 };
 
 }  // namespace

@@ -23,8 +23,9 @@ bool is_written_straight(const HighOrderMesh& mesh, const ElementBlock& block);
 std::vector<std::int32_t> loose_lines(const HighOrderMesh& mesh);
 
 /// Gives lines of order 1 in a mesh of dimension 2 the nodes that are listed for them, or those of the edge of a cell
-/// of higher order with the same ends. A listed line with other ends is left out: another program has changed the file.
-/// Throws ReadFailure if the list is damaged, or if this takes more memory than the file allows.
+/// of higher order with the same ends. A listed line with other ends, or with nodes that the mesh does not have, is
+/// left out: another program has changed the file. Throws ReadFailure if the list is damaged, or if this takes more
+/// memory than the file allows.
 void curve_lines(HighOrderMesh& mesh, const std::vector<std::int32_t>& listed, FileAllowance& allowance);
 
 }  // namespace varimesh::formats

@@ -262,7 +262,7 @@ TEST(Gmf, NothingIsLeftOutInSilence) {
   file.insert(std::size_t(end), "ab");
   end += 2;
   std::memcpy(file.data() + vertices + 4, &end, sizeof end);
-  EXPECT_SAYS(file, "Vertices has 2 bytes after what it announces");
+  EXPECT_SAYS(file, "Vertices has 2 bytes more than its count says");
 }
 
 TEST(Gmf, BadFilesAreRefused) {
