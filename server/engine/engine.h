@@ -42,7 +42,7 @@ struct RunOutcome {
   RunOutcome(const RunSummary& summary);  // NOLINT(google-explicit-constructor): engines return what the library does
 
   bool stopped = false;  ///< Ended by the caller.
-  /// Stopped before its outputs were written; none of them is whole.
+  /// Stopped before all of its outputs were written, so none of them counts.
   bool unwritten = false;
   v1::Metrics metrics;
   v1::History history;
