@@ -1,6 +1,8 @@
 // An interceptor of all calls.
 #include "server/metrics/call_counter.h"
 
+#include <grpcpp/support/byte_buffer.h>
+
 #include <algorithm>
 #include <string_view>
 
@@ -14,7 +16,12 @@ using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
 
-/// The bytes of a mesh in a message of one of these types, which gRPC passes without its type.
+/// The size of a message that is not parsed yet: a part of a mesh, and a few bytes around it. gRPC passes messages
+/// without their types.
+std::int64_t received_bytes(const void* message) {
+  return message == nullptr ? 0 : static_cast<std::int64_t>(static_cast<const grpc::ByteBuffer*>(message)->Length());
+}
+/// The bytes of a mesh in a message of one of these types.
 template <class Message>
 std::int64_t chunk_bytes(const void* message) {
   return message == nullptr ? 0 : static_cast<const Message*>(message)->chunk().data().size();
@@ -31,11 +38,11 @@ struct Carrier {
   std::int64_t (*sent)(const void* message);
 };
 constexpr Carrier kCarriers[] = {
-    {"/varimesh.v1.MeshService/UploadMesh", chunk_bytes<v1::UploadMeshRequest>, nullptr},
-    {"/varimesh.v1.MeshService/SendMesh", chunk_bytes<v1::SendMeshRequest>, nullptr},
+    {"/varimesh.v1.MeshService/UploadMesh", received_bytes, nullptr},
+    {"/varimesh.v1.MeshService/SendMesh", received_bytes, nullptr},
     {"/varimesh.v1.MeshService/DownloadMesh", nullptr, chunk_bytes<v1::DownloadMeshResponse>},
     {"/varimesh.v1.JobService/GetResult", nullptr, result_bytes<v1::GetResultResponse>},
-    {"/varimesh.v1.OptimiseService/Optimise", chunk_bytes<v1::OptimiseRequest>, result_bytes<v1::OptimiseResponse>}};
+    {"/varimesh.v1.OptimiseService/Optimise", received_bytes, result_bytes<v1::OptimiseResponse>}};
 
 class Counter : public grpc::experimental::Interceptor {
  public:

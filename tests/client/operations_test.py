@@ -117,7 +117,8 @@ class Metrics(WithFolder):
         rate = now["varimesh_kernel_operations_total"] / now["varimesh_kernel_seconds_total"]
         self.assertTrue(1e6 < rate < 1e12, rate)
         sent = MESH.stat().st_size + LARGER.stat().st_size
-        self.assertTrue(0 < now['varimesh_mesh_bytes_total{direction="in"}'] <= sent, "clients compress")
+        taken = now['varimesh_mesh_bytes_total{direction="in"}']
+        self.assertTrue(sent / 20 < taken < sent + 1000, f"{taken}: clients may compress, and messages name their mesh")
         self.assertGreater(now['varimesh_mesh_bytes_total{direction="out"}'], 0)
         self.assertGreaterEqual(now["varimesh_store_bytes"], sent)
 
