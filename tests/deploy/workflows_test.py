@@ -84,7 +84,7 @@ class Page(WithServer):
         (self.folder / "deploy").symlink_to(SOURCE / "deploy")
         shutil.copy(MESH, self.folder / "in.msh")
         blocks = re.findall(r"```sh\n(.*?)```", (SOURCE / "docs" / "workflows.md").read_text(), re.DOTALL)
-        self.assertEqual(len(blocks), 5)
+        self.assertEqual(len(blocks), 6)
         script = "set -e\ntrap 'kill %1' EXIT\n" + "\n".join(blocks)
         done = self.run_here("bash", "-c", script)
         self.assertEqual(done.returncode, 0, done.stdout)
