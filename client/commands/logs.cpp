@@ -61,13 +61,11 @@ int logs(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   Client* client = connection->client.get();
-  const auto name = full_name(client, arguments.job);
-  if (!name) return print_error(name.error());
-  const auto job = client->get(*name);
+  const auto job = job_named(client, arguments.job);
   if (!job) return print_error(job.error());
   const std::int64_t last = arguments.follow ? std::numeric_limits<std::int64_t>::max() : job->last_sequence();
   if (last == 0) return kDone;
-  const auto ended = client->watch(*name, 0, [&](const v1::JobEvent& event) {
+  const auto ended = client->watch(job->name(), 0, [&](const v1::JobEvent& event) {
     print_event(event, *job, arguments.common.json);
     return event.sequence() < last;
   });

@@ -23,9 +23,7 @@ int result(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   Client* client = connection->client.get();
-  const auto name = full_name(client, arguments.job);
-  if (!name) return print_error(name.error());
-  const auto job = client->get(*name);
+  const auto job = job_named(client, arguments.job);
   if (!job) return print_error(job.error());
   Delivery delivery;
   delivery.outputs = *outputs;

@@ -50,6 +50,12 @@ Outcome<std::string> full_name(Client* client, const std::string& job) {
   return found[0];
 }
 
+Outcome<v1::Job> job_named(Client* client, const std::string& job) {
+  const auto name = full_name(client, job);
+  if (!name) return tl::unexpected(name.error());
+  return client->get(*name);
+}
+
 Expected<void> parse_labels(const std::vector<std::string>& labels,
                             google::protobuf::Map<std::string, std::string>* map) {
   for (const std::string& label : labels) {

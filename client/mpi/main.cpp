@@ -53,8 +53,8 @@ int main(int argc, char** argv) {
       argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality); });
   std::cout.rdbuf(standard_output);
   std::cerr.rdbuf(standard_error);
-  // mpirun ends all ranks if one of them fails, and could end the first one before it has said why. So the first one
-  // alone returns the status of all.
+  // mpirun ends all ranks as soon as one returns a failure, perhaps before the first rank has said why. So the first
+  // rank returns the highest status, and the others return 0.
   double highest = status;
   session.ranks().largest({&highest, 1});
   return session.ranks().is_first() ? static_cast<int>(highest) : 0;

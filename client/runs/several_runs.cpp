@@ -161,8 +161,8 @@ class Jobs {
       if (!file) return tl::unexpected(file.error());
       if (is_surface(file->mesh) && !lies_in_a_plane(file->mesh))
         return refusal("BAD_INPUT", "'" + run.mesh +
-                                        "' is a surface in space, whose nodes slide without a job: optimise it alone, "
-                                        "with -o in place of --into.");
+                                        "' is a surface in space, and the runs of --into cannot slide its nodes. "
+                                        "Optimise it by itself, with -o in place of --into.");
       std::error_code failed;
       if (input.changes_mesh() || !std::filesystem::is_regular_file(input.mesh, failed))
         moved = std::move(*file);  // it is not read again: a pipe has been read to its end

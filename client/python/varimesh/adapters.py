@@ -49,7 +49,7 @@ def _of_shared_client(file: bytes) -> Mesh:
 
 
 def _with_columns(read: ReadVtu, columns: int) -> ReadVtu:
-    """Reads a mesh whose nodes came with so many coordinates."""
+    """Reads a mesh, and notes how many coordinates the caller gave for each node."""
     return lambda file: replace(read(file), columns=columns)
 
 

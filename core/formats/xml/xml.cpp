@@ -21,7 +21,7 @@ constexpr int kDeepest = 64;
 // Expat takes an int for a length. Between pieces the walk can skip raw text, and reading can be stopped.
 constexpr std::size_t kPiece = std::size_t(1) << 16, kMostAtOnce = std::size_t(1) << 29;
 
-// Expat 2.9 warns of the functions that earlier versions have alone.
+// Expat 2.9 has 64-bit functions and warns of the older ones. Earlier versions have only the older ones.
 #if XML_MAJOR_VERSION > 2 || (XML_MAJOR_VERSION == 2 && XML_MINOR_VERSION >= 9)
 constexpr auto kByteIndex = XML_GetCurrentByteIndex64;
 constexpr auto kByteCount = XML_GetCurrentByteCount64;

@@ -42,8 +42,8 @@ constexpr double kLongStep = 0.1;
 constexpr double kLittle = 0.02;
 constexpr int kMostSteps = 8;
 constexpr int kMostSettling = 12;  ///< Rounds that change no factor.
-/// Of a step. More of them lead no farther: on hoipc__armadillo_P4, the first six rounds with at most 300 have 1.7 times
-/// the products and end at a higher loss.
+/// Of a step. More of them lead no farther: on hoipc__armadillo_P4, the first six rounds with at most 300 have 1.7
+/// times the products and end at a higher loss.
 constexpr int kMostProducts = 100;
 constexpr int kFewProducts = 3;
 /// In meshes that keep invalid cells, nearly all systems have directions of negative curvature, and the line search
