@@ -4,8 +4,6 @@ import itertools
 import os
 import resource
 import shutil
-import socket
-import ssl
 import subprocess
 import sys
 import time
@@ -13,37 +11,14 @@ import uuid
 from pathlib import Path
 
 import grpc
+import http2_floods
 from calls import Row
-from connections import HELLO, allow_many, open_connections
-from nginx_test import FLOODS
+from connections import allow_many, open_connections
 from programs import MESH, VARIMESHD, run
 from serving import until
 from varimesh.v1 import job_pb2, service_pb2
 
 SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
-
-
-def flood(address, authority, kind, seconds):
-    """Sends frames to a server that asks for certificates, without one, on new connections as often as one ends. Runs in a
-    process of its own; prints how many messages were sent and how many connections were made."""
-    host, port = address.rsplit(":", 1)
-    context = ssl.create_default_context(cafile=authority)
-    context.set_alpn_protocols(["h2"])
-    sent = connections = 0
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        connections += 1
-        try:
-            with socket.create_connection((host, int(port)), timeout=2) as plain, context.wrap_socket(plain, server_hostname=host) as one:
-                one.sendall(HELLO)
-                for message in FLOODS[kind]():
-                    if time.monotonic() > end:
-                        break
-                    one.sendall(message)
-                    sent += 1
-        except OSError:
-            pass
-    print(sent, connections)
 
 
 class Transport(Row):
@@ -57,14 +32,10 @@ class Transport(Row):
         self.sent = self.connections = 0
 
     def attack(self):
-        """Two processes for each kind of flood. They have the lowest priority, as their processors belong to the attacker."""
-        for kind in FLOODS:
-            command = [sys.executable, __file__, self.attacked.address, self.attacked.folder / "authority.pem", kind,
-                       "0.5" if self.short else "3"]
-            attackers = [subprocess.Popen(["nice", "-n", "19", *command], stdout=subprocess.PIPE, text=True) for _ in range(2)]
-            for attacker in attackers:
-                sent, connections = map(int, attacker.communicate()[0].split())
-                self.sent, self.connections = self.sent + sent, self.connections + connections
+        for kind in http2_floods.FLOODS:
+            attackers = http2_floods.start(self.attacked.address, self.attacked.folder / "authority.pem", kind, 0.5 if self.short else 3)
+            sent, connections = http2_floods.totals(attackers)
+            self.sent, self.connections = self.sent + sent, self.connections + connections
 
     def settle(self):
         assert self.connections > 10, "it was no flood"
@@ -79,7 +50,7 @@ class Nginx(Row):
         """Returns the exit status, and what the test says of each flood."""
         done = subprocess.run([sys.executable, SOURCE / "tests/deploy/nginx_test.py", "Nginx.test_floods_stop_at_it"],
                               capture_output=True, text=True, env={**os.environ, **({} if self.short else {"VARIMESH_MEASURE": "1"})})
-        lines = [line for line in done.stderr.splitlines() if "connections ended" in line]
+        lines = [line for line in done.stderr.splitlines() if "connections; p99" in line]
         return done.returncode, lines or (done.stdout + done.stderr).splitlines()[-3:]
 
 
@@ -223,6 +194,3 @@ class Files(Row):
 
 
 ROWS = [Transport, Nginx, Descriptors, Stops, Store, Files]
-
-if __name__ == "__main__":
-    flood(*sys.argv[1:4], float(sys.argv[4]))
