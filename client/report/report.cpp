@@ -6,6 +6,7 @@
 
 #include "client/report/page_files.h"
 #include "core/base/io/output_file.h"
+#include "web/files.h"
 
 namespace varimesh::client {
 namespace {
@@ -75,18 +76,16 @@ Expected<void> write_report(const std::string& path, const Report& report) {
   const std::string embedded_all = embedded(all);
   // Only 3-D views need the library, which is larger than the rest of the page.
   const bool needs_library = report.before != nullptr && report.before->dimension == 3;
+  std::vector<std::string_view> script;
+  for (const std::string_view* part : web::kView) script.push_back(*part);
+  script.insert(script.end(), {page::quality_js, page::main_js});
   if (auto filled = fill(page::page_html,
-                         {{"style", {page::theme_css, page::page_css}},
+                         {{"style", {web::theme_css, web::view_css}},
                           {"report", {embedded_all}},
                           {"arrays", {arrays}},
                           {"more", {more_arrays}},
-                          {"library", {needs_library ? page::three_min_js : std::string_view()}},
-                          {"script", {page::dom_js,      page::numbers_js,   page::axes_js,        page::charts_js,
-                                      page::colours_js,  page::distance_js,  page::unpack_js,      page::cells_js,
-                                      page::overlay_js,  page::paths_2d_js,  page::viewport_2d_js, page::view_2d_js,
-                                      page::lattices_js, page::camera_3d_js, page::surface_3d_js,  page::cut_js,
-                                      page::view_3d_js,  page::pictures_js,  page::quality_js,     page::convergence_js,
-                                      page::main_js}}},
+                          {"library", {needs_library ? web::three_min_js : std::string_view()}},
+                          {"script", script}},
                          &*file);
       !filled)
     return filled;

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "server/admin/page_files.h"
+#include "web/files.h"
 
 namespace varimesh::server {
 namespace {
@@ -20,10 +21,10 @@ struct PageFile {
 
 const std::array<PageFile, 3> kFiles{
     PageFile{"/", "text/html; charset=utf-8", {&page::watch_html}},
-    PageFile{"/watch.css", "text/css; charset=utf-8", {&page::theme_css, &page::watch_css}},
+    PageFile{"/watch.css", "text/css; charset=utf-8", {&web::theme_css, &page::watch_css}},
     PageFile{"/watch.js",
              "text/javascript; charset=utf-8",
-             {&page::dom_js, &page::numbers_js, &page::axes_js, &page::charts_js, &page::curves_js, &page::watch_js}}};
+             {&web::dom_js, &web::numbers_js, &web::axes_js, &web::charts_js, &page::curves_js, &page::watch_js}}};
 
 /// Returns a field of the query string, decoded; empty if it is missing.
 std::string field(const mg_request_info& request, const char* name) {
