@@ -22,51 +22,59 @@ struct Fit {
   int surface = -1;             ///< Index in Geometry::surfaces.
 };
 
+/// Nodes of a surface of the mesh.
+struct Samples {
+  std::vector<Eigen::Vector3d> some;  ///< Up to kSamples that belong to no other surface, or to few if there are none.
+  std::vector<Eigen::Vector3d> border;  ///< All that belong to another surface too.
+};
+
 /// The distance is infinite if a sample is farther than `limit`, or if half of them or more lie outside the surface's
-/// boundary.
-Fit fit_of(const Candidates& candidates, std::size_t s, const std::vector<Eigen::Vector3d>& samples, double limit) {
+/// boundary. In a coarse ring or band they may, since edges across it leave it. Then its border decides.
+/// @param close  the largest distance of a border that decides
+Fit fit_of(const Candidates& candidates, std::size_t s, const Samples& samples, double limit, double close) {
   Fit fit;
   fit.distance = 0;
   fit.surface = static_cast<int>(s);
-  for (const Eigen::Vector3d& x : samples) {
+  for (const Eigen::Vector3d& x : samples.some) {
     const geometry::SurfaceFoot foot = candidates.closest(s, x);
     if (!(foot.distance <= limit)) return {};
     fit.distance = std::max(fit.distance, foot.distance);
-    if (!candidates.surface(s).shape->contains(foot.u, foot.v) && 2 * ++fit.outside >= samples.size()) return {};
+    if (!candidates.surface(s).shape->contains(foot.u, foot.v)) ++fit.outside;
   }
-  return fit;
+  if (fit.outside == 0) return fit;
+  if (fit.distance <= close && candidates.is_border(s, samples.border, close)) fit.outside = 0;
+  return 2 * fit.outside < samples.some.size() ? fit : Fit{};
 }
 
-/// By tag: up to kSamples nodes that belong to no other surface, or to few if there are none.
-std::map<int, std::vector<Eigen::Vector3d>> samples_by_tag(const HighOrderMesh& mesh, const NodeSurfaces& tags) {
+std::map<int, Samples> samples_by_tag(const HighOrderMesh& mesh, const NodeSurfaces& tags) {
   std::map<int, std::vector<std::int32_t>> own, all;
   for (std::size_t node = 0; node < tags.size(); ++node)
     for (const int tag : tags[node]) {
       all[tag].push_back(static_cast<std::int32_t>(node));
       if (tags[node].size() == 1) own[tag].push_back(static_cast<std::int32_t>(node));
     }
-  std::map<int, std::vector<Eigen::Vector3d>> samples;
+  const auto position = [&](std::int32_t node) {
+    return Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(node)]);
+  };
+  std::map<int, Samples> samples;
   for (const auto& [tag, nodes] : all) {
     const std::vector<std::int32_t>& from = own[tag].empty() ? nodes : own[tag];
     const std::size_t count = std::min(kSamples, from.size());
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::int32_t node = from[i * from.size() / count];
-      samples[tag].emplace_back(
-          Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(node)]));
-    }
+    for (std::size_t i = 0; i < count; ++i) samples[tag].some.emplace_back(position(from[i * from.size() / count]));
+    for (const std::int32_t node : nodes)
+      if (tags[static_cast<std::size_t>(node)].size() > 1) samples[tag].border.emplace_back(position(node));
   }
   return samples;
 }
 
-SurfaceMatch match(int tag, const std::vector<Eigen::Vector3d>& samples, const Candidates& candidates,
-                   double tolerance) {
+SurfaceMatch match(int tag, const Samples& samples, const Candidates& candidates, double tolerance) {
   SurfaceMatch result;
   result.tag = tag;
   // Nodes of a mesh generator lie within its tolerance of the surface. Only then does an equal tag decide.
   const double close = 1e-3 * tolerance;
   for (std::size_t s = 0; s < candidates.count(); ++s) {
     if (candidates.surface(s).tag != tag) continue;
-    result.distance = fit_of(candidates, s, samples, close).distance;
+    result.distance = fit_of(candidates, s, samples, close, close).distance;
     if (result.distance > close) continue;
     result.surface = static_cast<int>(s);
     result.by_tag = true;
@@ -75,7 +83,7 @@ SurfaceMatch match(int tag, const std::vector<Eigen::Vector3d>& samples, const C
   std::vector<Fit> fits;
   for (std::size_t s = 0; s < candidates.count(); ++s) {
     const double least = fits.empty() ? tolerance : fits.front().distance;
-    const Fit fit = fit_of(candidates, s, samples, std::min(tolerance, 2 * least + close));
+    const Fit fit = fit_of(candidates, s, samples, std::min(tolerance, 2 * least + close), close);
     if (fit.distance == kInfinity) continue;
     fits.push_back(fit);
     std::ranges::stable_sort(fits, {}, &Fit::distance);
@@ -180,11 +188,38 @@ Candidates::Candidates(const geometry::Geometry& geometry, std::vector<std::vect
     : geometry_(geometry),
       part_of_(std::move(part_of)),
       searches_(geometry.surfaces.size()),
+      curves_(geometry.curves.size()),
       boxes_(geometry.surfaces.size()) {
   team.for_each(static_cast<std::int32_t>(searches_.size()), 1, [&](std::int32_t i) {
     const auto s = static_cast<std::size_t>(i);
     searches_[s] = std::make_unique<geometry::SurfaceSearch>(*geometry_.surfaces[s].shape);
     boxes_[s] = searches_[s]->box();
+  });
+  team.for_each(static_cast<std::int32_t>(curves_.size()), 1, [&](std::int32_t i) {
+    const auto c = static_cast<std::size_t>(i);
+    curves_[c] = std::make_unique<geometry::CurveSearch>(*geometry_.curves[c].shape);
+  });
+}
+
+bool Candidates::holds(std::size_t s, const Eigen::Vector3d& x, double tolerance) const {
+  const geometry::SurfaceFoot foot = closest(s, x);
+  return surface(s).shape->contains(foot.u, foot.v) || std::ranges::any_of(surface(s).curves, [&](int c) {
+           return curves_[static_cast<std::size_t>(c)]->closest(x).distance <= tolerance;
+         });
+}
+
+bool Candidates::is_border(std::size_t s, std::span<const Eigen::Vector3d> nodes, double tolerance) const {
+  const auto lies_on = [&](const Eigen::Vector3d& x, int c) {
+    return curves_[static_cast<std::size_t>(c)]->closest(x).distance <= tolerance;
+  };
+  const std::vector<int>& curves = surface(s).curves;
+  const auto is_seam = [&](int c) {
+    return std::ranges::count(geometry_.curves[static_cast<std::size_t>(c)].surfaces, static_cast<int>(s)) > 1;
+  };
+  return !nodes.empty() && std::ranges::all_of(nodes, [&](const Eigen::Vector3d& x) {
+    return std::ranges::any_of(curves, [&](int c) { return lies_on(x, c); });
+  }) && std::ranges::all_of(curves, [&](int c) {
+    return is_seam(c) || std::ranges::any_of(nodes, [&](const Eigen::Vector3d& x) { return lies_on(x, c); });
   });
 }
 
@@ -201,7 +236,7 @@ void Candidates::keep_parts(std::vector<int>& surfaces) const {
 Matching match_surfaces(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Candidates& candidates,
                         double tolerance, const Team& team) {
   const auto samples = samples_by_tag(mesh, tags);
-  std::vector<std::pair<int, const std::vector<Eigen::Vector3d>*>> order;
+  std::vector<std::pair<int, const Samples*>> order;
   for (const auto& [tag, of_tag] : samples) order.emplace_back(tag, &of_tag);
   Matching result;
   result.matches.resize(order.size());

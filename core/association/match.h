@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,11 @@ class Candidates {
   geometry::SurfaceFoot closest(std::size_t s, const Eigen::Vector3d& x) const { return searches_[s]->closest(x); }
   /// Whether a box around the surface contains the point.
   bool may_contain(std::size_t s, const Eigen::Vector3d& x) const { return boxes_[s].contains(x); }
+  /// Whether a point of the surface's plane or other shape lies inside its boundary, or not farther from it than this.
+  bool holds(std::size_t s, const Eigen::Vector3d& x, double tolerance) const;
+  /// Whether these are the nodes of a border that is the surface's own: each lies on one of its curves, and each of its
+  /// curves but a seam has some of them.
+  bool is_border(std::size_t s, std::span<const Eigen::Vector3d> nodes, double tolerance) const;
   /// Leaves out each surface that contains another one of these.
   void keep_parts(std::vector<int>& surfaces) const;
 
@@ -38,6 +44,7 @@ class Candidates {
   const geometry::Geometry& geometry_;
   std::vector<std::vector<int>> part_of_;
   std::vector<std::unique_ptr<geometry::SurfaceSearch>> searches_;
+  std::vector<std::unique_ptr<geometry::CurveSearch>> curves_;
   std::vector<Eigen::AlignedBox3d> boxes_;
 };
 
@@ -53,8 +60,9 @@ struct Matching {
 Matching match_surfaces(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Candidates& candidates,
                         double tolerance, const Team& team);
 
-/// Matches elements of surfaces of the mesh one by one. An element lies on the surface on which all its nodes lie, and
-/// which has its middle inside and runs in its direction there. Elements that lie on none keep what they have.
+/// Matches elements of surfaces of the mesh one by one. An element lies on the surface on which all its nodes lie,
+/// which has its vertices and its middle inside, and which runs in its direction there. If there is none, the middle
+/// may lie outside: an edge across a coarse ring crosses its hole. Elements that lie on no surface keep what they have.
 /// @param tags  of the surfaces of the mesh, sorted
 /// Call it inside team.run().
 void match_elements(const HighOrderMesh& mesh, const std::vector<int>& tags, const Candidates& candidates,

@@ -1,6 +1,7 @@
 // Which surface of the geometry each element of a surface of the mesh lies on.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "core/association/match.h"
 #include "core/reference/nodes.h"
@@ -34,16 +35,21 @@ class Elements {
     // The same margin as for a surface as a whole.
     const double least = std::ranges::min(all, {}, &Near::second).second;
     std::erase_if(all, [&](const Near& one) { return one.second > 2 * least + 1e-3 * tolerance_; });
-    std::vector<int> surfaces;
-    for (const Near& one : all)
-      if (std::isfinite(misfit(shape, nodes, one.first))) surfaces.push_back(one.first);
-    candidates_.keep_parts(surfaces);
-    if (surfaces.empty()) return -1;
-    return std::ranges::min(surfaces, {}, [&](int s) { return misfit(shape, nodes, s); });
+    for (const Middle middle : {Middle::Inside, Middle::Anywhere}) {
+      std::vector<int> surfaces;
+      for (const Near& one : all)
+        if (std::isfinite(misfit(shape, nodes, one.first, middle)) && holds_vertices(shape, nodes, one.first))
+          surfaces.push_back(one.first);
+      candidates_.keep_parts(surfaces);
+      if (!surfaces.empty())
+        return std::ranges::min(surfaces, {}, [&](int s) { return misfit(shape, nodes, s, middle); });
+    }
+    return -1;
   }
 
  private:
-  using Near = std::pair<int, double>;  ///< A surface, and how far from it a node lies.
+  using Near = std::pair<int, double>;                    ///< A surface, and how far from it a node lies.
+  enum class Middle : std::uint8_t { Inside, Anywhere };  ///< Where the middle of an element may lie.
 
   static std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
   Eigen::Vector3d position(std::int32_t node) const {
@@ -60,9 +66,15 @@ class Elements {
     });
   }
 
+  bool holds_vertices(Shape shape, std::span<const std::int32_t> nodes, int s) const {
+    return std::ranges::all_of(nodes.first(index(reference::info(shape).vertices)), [&](std::int32_t node) {
+      return candidates_.holds(index(s), position(node), tolerance_);
+    });
+  }
+
   /// How far the middle of the straight-sided element lies from the surface, and how far the element has turned away
-  /// from it there, as a length. Infinite if its middle is outside, or if it runs in another direction.
-  double misfit(Shape shape, std::span<const std::int32_t> nodes, int s) const {
+  /// from it there, as a length. Infinite if its middle is where it may not be, or if it runs in another direction.
+  double misfit(Shape shape, std::span<const std::int32_t> nodes, int s, Middle where) const {
     const auto vertices = index(reference::info(shape).vertices);
     Eigen::Vector3d middle = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
     for (std::size_t k = 0; k < vertices; ++k) {
@@ -73,7 +85,7 @@ class Elements {
     }
     const geometry::SurfaceFoot foot = candidates_.closest(index(s), middle);
     const geometry::SurfaceShape& of = *candidates_.surface(index(s)).shape;
-    if (!of.contains(foot.u, foot.v)) return std::numeric_limits<double>::infinity();
+    if (where == Middle::Inside && !of.contains(foot.u, foot.v)) return std::numeric_limits<double>::infinity();
     const Eigen::Vector3d there = of.normal(of.at(foot.u, foot.v), foot.u, foot.v);
     const double cosine = there.isZero() || normal.isZero() ? 1 : std::abs(there.dot(normal.normalized()));
     if (cosine < kSameDirection) return std::numeric_limits<double>::infinity();
