@@ -26,6 +26,11 @@ std::vector<std::int32_t> edge_nodes(const BoundaryFacet& facet, int order, int 
   return nodes;
 }
 
+/// The cell that a facet is one of.
+std::size_t cell_of(const Facets& of, std::int32_t facet) {
+  return static_cast<std::size_t>(std::ranges::upper_bound(of.first, facet) - of.first.begin()) - 1;
+}
+
 /// The same line from its other end.
 void turn(std::vector<std::int32_t>& line) {
   std::swap(line[0], line[1]);
@@ -63,32 +68,63 @@ Eigen::Matrix3Xd BoundaryParts::positions(const std::vector<std::int32_t>& nodes
 void BoundaryParts::find_facets_of_volume(const Team& team) {
   const Facets of = varimesh::facets(mesh_, team);
   const Cells cells(mesh_, 3), elements(mesh_, 2);
-  for (std::size_t cell = 0; cell < cells.count(); ++cell) {
-    const ElementBlock& block = *cells.range_of(cell).block;
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
     for (std::int32_t f = of.first[cell]; f < of.first[cell + 1]; ++f) {
-      const std::int32_t next = of.neighbour[index(f)];
-      const auto& local = reference::facet_nodes(block.shape, block.order, f - of.first[cell]);
+      if (of.neighbour[index(f)] >= 0) continue;
+      BoundaryFacet facet = facet_of(of, cells, f);
       const auto element = std::ranges::lower_bound(of.elements, f, {}, &std::pair<std::int32_t, std::int32_t>::first);
       const bool has_element = element != of.elements.end() && element->first == f;
-      if (next >= 0) {
-        if (has_element || cells.range_of(index(next)).block->entity != block.entity)
-          for (const int k : local) held[index(cells.nodes(cell)[index(k)])] = true;
-        continue;
-      }
-      BoundaryFacet facet;
-      facet.shape = reference::info(block.shape).facets[index(f - of.first[cell])].shape;
-      for (const int k : local) facet.nodes.push_back(cells.nodes(cell)[index(k)]);
       facet.entity = has_element ? elements.range_of(index(element->second)).block->entity : -1;
       facets.push_back(std::move(facet));
     }
+  find_interfaces(of, cells, elements);
+}
+
+/// Facets between two cells that are elements of the mesh. Facets without an element between cells of different
+/// entities may be anything, since their nodes are not fixed when the mesh is optimised. So those of the boundary stay.
+void BoundaryParts::find_interfaces(const Facets& of, const Cells& cells, const Cells& elements) {
+  std::vector<bool> has_element(of.neighbour.size(), false);
+  for (const auto& [f, element] : of.elements) {
+    const std::int32_t other = of.opposite[index(f)];
+    if (other < 0 || has_element[index(f)]) continue;
+    has_element[index(f)] = has_element[index(other)] = true;
+    // All facets between the same two entities have the sense that the first of these gives them.
+    const auto entity = [&](std::int32_t facet) { return cells.range_of(cell_of(of, facet)).block->entity; };
+    BoundaryFacet facet = facet_of(of, cells, entity(f) <= entity(other) ? f : other);
+    if (entity(f) == entity(other)) {
+      const auto nodes = elements.nodes(index(element));
+      facet.nodes.assign(nodes.begin(), nodes.end());
+    }
+    facet.entity = elements.range_of(index(element)).block->entity;
+    facet.is_inside = true;
+    facets.push_back(std::move(facet));
   }
+  for (std::size_t f = 0; f < of.neighbour.size(); ++f) {
+    const std::int32_t next = of.neighbour[f];
+    if (next < 0 || has_element[f]) continue;
+    const std::size_t cell = cell_of(of, static_cast<std::int32_t>(f));
+    if (cells.range_of(index(next)).block->entity == cells.range_of(cell).block->entity) continue;
+    for (const std::int32_t node : facet_of(of, cells, static_cast<std::int32_t>(f)).nodes) held[index(node)] = true;
+  }
+}
+
+/// The shape and the nodes of a facet, numbered as the cell sees it.
+BoundaryFacet BoundaryParts::facet_of(const Facets& of, const Cells& cells, std::int32_t facet) const {
+  const std::size_t cell = cell_of(of, facet);
+  const Shape shape = cells.shape(cell);
+  const int local = facet - of.first[cell];
+  BoundaryFacet result;
+  result.shape = reference::info(shape).facets[index(local)].shape;
+  for (const int k : reference::facet_nodes(shape, cells.range_of(cell).block->order, local))
+    result.nodes.push_back(cells.nodes(cell)[index(k)]);
+  return result;
 }
 
 void BoundaryParts::find_facets_of_surface() {
   const Cells cells(mesh_, 2);
   for (std::size_t cell = 0; cell < cells.count(); ++cell) {
     const auto nodes = cells.nodes(cell);
-    facets.push_back({cells.shape(cell), {nodes.begin(), nodes.end()}, cells.range_of(cell).block->entity, 0});
+    facets.push_back({cells.shape(cell), {nodes.begin(), nodes.end()}, cells.range_of(cell).block->entity, false, 0});
   }
 }
 
@@ -136,6 +172,7 @@ bool BoundaryParts::is_smooth(const Edge& edge) const {
     ends[i] = {vertex(facet.shape, vertices[upwards ? 0 : 1]), vertex(facet.shape, vertices[upwards ? 1 : 0])};
     sense *= upwards ? 1 : -1;
   }
+  if (facets[edge.sides[0].first].is_inside && sense < 0) return false;  // the pieces of a surface have one sense
   // The ends do not count: at the tip of a cone, neighbours never meet smoothly.
   double sum = 0;
   for (const double s : {0.25, 0.5, 0.75}) {

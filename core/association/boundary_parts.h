@@ -1,5 +1,5 @@
-// Takes the boundary of a mesh apart: facets, the surfaces that they form, the curves between surfaces, corners.
-// Internal to core/association.
+// Takes the boundary of a mesh and the interfaces inside it apart: facets, the surfaces that they form, the curves
+// between surfaces, corners. Internal to core/association.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,15 +7,17 @@
 #include <vector>
 
 #include "core/base/team.h"
+#include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::detail {
 
-/// An element of the boundary.
+/// An element of the boundary or of an interface.
 struct BoundaryFacet {
   Shape shape = Shape::Triangle;
   std::vector<std::int32_t> nodes;  ///< Indices of mesh nodes in Gmsh's order.
   int entity = 0;                   ///< Tag of the surface of the file that it belongs to; −1: none.
+  bool is_inside = false;           ///< It is an element of an interface: it has cells on both sides.
   std::size_t surface = 0;
 };
 
@@ -36,7 +38,8 @@ class BoundaryParts {
   std::size_t surfaces = 0;  ///< How many there are.
   std::vector<BoundaryChain> chains;
   std::vector<std::int32_t> corners;  ///< Node indices, sorted.
-  std::vector<bool> held;             ///< By node of the mesh: whether it lies on an interface.
+  /// By node of the mesh: whether it lies between two regions where no elements say that there is an interface.
+  std::vector<bool> held;
 
   Eigen::Vector3d position(std::int32_t node) const;
   /// 3 × nodes.
@@ -58,6 +61,8 @@ class BoundaryParts {
   };
 
   void find_facets_of_volume(const Team& team);
+  void find_interfaces(const Facets& of, const Cells& cells, const Cells& elements);
+  BoundaryFacet facet_of(const Facets& of, const Cells& cells, std::int32_t facet) const;
   void find_facets_of_surface();
   void find_edges();
   void find_smooth_edges(const Team& team);

@@ -65,6 +65,7 @@ class Making {
     now().allowed_on_surfaces.resize(count);
     team_.for_each(static_cast<std::int32_t>(count), 1, [&](std::int32_t s) { make_surface(s, of[index(s)]); });
     for (std::size_t s = 0; s < count; ++s) {
+      result_.inside += parts_.facets[of[s].front()].is_inside ? 1 : 0;
       add_blocks(static_cast<int>(s), of[s]);
       const SurfaceNodes& own = now().surfaces[s];
       for (std::size_t i = 0; i < own.nodes.size(); ++i)
@@ -170,7 +171,10 @@ class Making {
 std::string OwnBoundary::sentence() const {
   const geometry::Geometry& of = association.geometry;
   return "The boundary of the mesh has " + std::to_string(of.surfaces.size()) + " surfaces, " +
-         std::to_string(of.curves.size()) + " curves and " + std::to_string(of.vertices.size()) + " vertices.";
+         std::to_string(of.curves.size()) + " curves and " + std::to_string(of.vertices.size()) + " vertices" +
+         (inside == 0   ? "."
+          : inside == 1 ? "; 1 of the surfaces is an interface inside the mesh."
+                        : "; " + std::to_string(inside) + " of the surfaces are interfaces inside the mesh.");
 }
 
 Expected<OwnBoundary> own_boundary(const HighOrderMesh& mesh, const Team& team) {

@@ -9,6 +9,7 @@
 
 #include "core/energy/hyperelastic-inl.h"
 #include "core/kernels/dense_product.h"
+#include "core/problem/regular_shape.h"
 
 namespace varimesh::detail {
 namespace {
@@ -22,6 +23,28 @@ using Energy = std::conditional_t<d == 1, Energy1, Energy2>;
 template <int d>
 HWY_NAMESPACE::Regularised<double> regularised(double J, double delta) {
   return HWY_NAMESPACE::regularised<Energy<d>::kFunction>(J, delta * delta);
+}
+
+/// Whether the straight-sided element with these vertices looks the other way at a point than on average. A triangle
+/// never does.
+bool is_tangled(const EntityTable& table, const Eigen::Matrix3Xd& x) {
+  if (x.cols() != 4) return false;
+  Eigen::Matrix3Xd normals(3, table.weights.size());
+  for (Eigen::Index p = 0; p < normals.cols(); ++p) {
+    const Eigen::Vector3d along = x * table.straight[0].row(p).transpose();
+    const Eigen::Vector3d across = x * table.straight[1].row(p).transpose();
+    normals.col(p) = along.cross(across);
+  }
+  const Eigen::Vector3d mean = normals * table.weights;
+  const Eigen::VectorXd along_mean = normals.transpose() * mean;
+  return along_mean.minCoeff() <= 0;
+}
+
+/// The derivative of the square on the mean of the edges of a quadrilateral.
+Eigen::Matrix2d square_for(const Eigen::Matrix3Xd& x) {
+  double edges = 0;
+  for (Eigen::Index k = 0; k < 4; ++k) edges += (x.col(k) - x.col((k + 1) % 4)).norm();
+  return edges / 4 * regular_shape(Shape::Quadrilateral).topLeftCorner<2, 2>();
 }
 
 /// A straight-sided element that is flatter than this at a point has no target there.
@@ -66,11 +89,14 @@ EntityEnergy<d>::EntityEnergy(const std::vector<EntityElement>& elements, int or
     spacing_.push_back(shortest / order);
     double measure = 0;
     auto& inverse = inverse_.emplace_back();
+    const bool tangled = is_tangled(table, x);
     for (Eigen::Index p = 0; p < table.weights.size(); ++p) {
       Eigen::Matrix<double, 3, d> G;
       for (int k = 0; k < d; ++k) G.col(k) = x * table.straight[static_cast<std::size_t>(k)].row(p).transpose();
       const Eigen::HouseholderQR<Eigen::Matrix<double, 3, d>> factors(G);
       Eigen::Matrix<double, d, d> R = factors.matrixQR().template topRows<d>().template triangularView<Eigen::Upper>();
+      if constexpr (d == 2)
+        if (tangled) R = square_for(x);
       const double area = std::abs(R.determinant());
       measure += table.weights[p] * area;
       const bool flat = !(area > kFlat * std::pow(R.norm(), d));

@@ -20,7 +20,8 @@ namespace varimesh::detail {
 ///
 /// where f_k are the columns of F, |e| is the straight-sided element's area or length, and W is the hyperelastic
 /// density of dimension d. N is the unit normal of the surface, or the unit tangent of the curve, interpolated from the
-/// nodes and held fixed while the nodes move by one step. So an element that is folded over has J < 0.
+/// nodes and held fixed while the nodes move by one step. So an element that is folded over has J < 0. A quadrilateral
+/// whose straight-sided form is tangled has the square on the mean of its edges in its place.
 template <int d>
 class EntityEnergy {
  public:
