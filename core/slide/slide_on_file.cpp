@@ -12,6 +12,7 @@
 #include "core/association/smooth_joints.h"
 #include "core/curve/curve.h"
 #include "core/geometry/load.h"
+#include "core/layers/nodes_that_stay.h"
 #include "core/mesh/check.h"
 #include "core/mesh/node_parameters.h"
 #include "core/mesh/plane.h"
@@ -112,10 +113,29 @@ struct Work {
     return std::move(curved->association);
   }
 
+  /// Nodes of thin layers at curved walls stay.
+  void hold_layers(const Association& association, std::vector<bool>& fixed) {
+    if (mesh.dimension == 2 && !in_plane) return;
+    std::vector<bool> in_layers;
+    team.run([&] { in_layers = nodes_of_thin_layers(mesh, team); });
+    if (in_layers.empty()) return;
+    std::int64_t count = 0;
+    for (std::size_t node = 0; node < fixed.size(); ++node) {
+      if (!in_layers[node]) continue;
+      fixed[node] = true;
+      const int dimension = association.nodes[node].dimension;
+      count += dimension >= 0 && dimension < mesh.dimension ? 1 : 0;
+    }
+    sentences.push_back(std::to_string(count) +
+                        " boundary nodes are part of thin layers at curved walls and stay, so that the layers keep "
+                        "their heights.");
+  }
+
   /// @param boundary  the mesh, or its surface elements
   void slide_nodes(HighOrderMesh& boundary, Association& association) {
     auto fixed = nodes_of_groups(mesh, options.fix);
     assert(fixed);  // slide_on_file() has looked for the groups already
+    if (what != SlideOn::None) hold_layers(association, *fixed);
     detail::CoupledReport coupled;
     if (mesh.dimension == 2 && !in_plane)
       report = detail::slide_alone(boundary, association, what, std::move(*fixed), team);

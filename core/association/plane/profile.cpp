@@ -167,6 +167,24 @@ class Placing {
     });
   }
 
+  /// Whether more than chance says that the mesh belongs to the geometry: a few edges that lie on its curves, a part of
+  /// the border, or half of a curve.
+  bool belongs() const {
+    const std::ptrdiff_t edges = matched();
+    if (edges >= kSure || (edges > 0 && 4 * edges >= border())) return true;
+    std::vector<double> covered(curves_.curves.size(), 0);
+    for (const OuterEdge& edge : edges_) {
+      if (!edge.is_border) continue;
+      const NodeEntity &one = nodes_[index(edge.nodes[0])], &other = nodes_[index(edge.nodes[1])];
+      for (std::size_t c = 0; c < covered.size(); ++c)
+        if (lies_on(one, c) && lies_on(other, c))
+          covered[c] += (position(mesh_, edge.nodes[0]) - position(mesh_, edge.nodes[1])).norm();
+    }
+    for (std::size_t c = 0; c < covered.size(); ++c)
+      if (covered[c] > 0 && 2 * covered[c] >= length(c)) return true;
+    return false;
+  }
+
   Association result() {
     Association result;
     result.in_plane = true;
@@ -191,6 +209,25 @@ class Placing {
   }
 
  private:
+  /// So many edges lie on curves only if the mesh belongs to them.
+  static constexpr std::ptrdiff_t kSure = 3;
+
+  bool lies_on(const NodeEntity& entity, std::size_t curve) const {
+    if (entity.dimension == 1) return index(entity.entity) == curve;
+    const std::vector<int>& ends = curves_.curves[curve].vertices;
+    return entity.dimension == 0 && std::ranges::find(ends, entity.entity) != ends.end();
+  }
+  double length(std::size_t curve) const {
+    const geometry::CurveShape& shape = *curves_.curves[curve].shape;
+    const geometry::Range range = shape.range();
+    double sum = 0;
+    for (int i = 0; i < kSamples; ++i)
+      sum += (shape.at(range.first + (i + 1) * range.length() / kSamples).x -
+              shape.at(range.first + i * range.length() / kSamples).x)
+                 .norm();
+    return sum;
+  }
+
   NodeEntity entity(std::int32_t node, double tolerance) const {
     const Eigen::Vector3d x = position(mesh_, node);
     NodeEntity best;
@@ -272,9 +309,12 @@ Expected<Association> associate_in_plane(const HighOrderMesh& mesh, const Geomet
   }
   if (!best.any())
     return bad_input("No curve of the geometry lies in the plane of the mesh; check that they belong together.");
-  if (best.matched() == 0)
-    return bad_input("No edge on the boundary of the mesh lies on a curve of the geometry. The mesh is " +
-                     detail::number_text(ground.diagonal) + " across and the geometry " +
+  if (!best.belongs())
+    return bad_input((best.matched() == 0
+                          ? "No edge on the boundary of the mesh lies on a curve of the geometry."
+                          : "Only " + std::to_string(best.matched()) + " of " + std::to_string(best.border()) +
+                                " edges on the boundary of the mesh lie on curves of the geometry.") +
+                     std::string(" The mesh is ") + detail::number_text(ground.diagonal) + " across and the geometry " +
                      detail::number_text(geometry_size) +
                      "; check that they belong together and have the same origin and unit of length.");
   return best.result();

@@ -122,8 +122,7 @@ class Profile(WithFolder):
                     before, after = map(list, json.loads(python(DISTANCES, model, straight, self.out)))
                     heights = [(a, b) for a, b in zip(before, after) if 1e-6 < a < 0.01]
                     self.assertGreater(len(heights), 100)
-                    # At order 2, the objective accuracy changes a few heights where the wall bends most by more.
-                    for a, b in heights if order > 2 else []:
+                    for a, b in heights:
                         self.assertLess(abs(b / a - 1), 0.05)
                     self.assertLess(max(b for a, b in zip(before, after) if a <= 1e-9), 1e-9)
 

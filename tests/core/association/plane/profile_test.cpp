@@ -100,5 +100,26 @@ TEST(Profile, RefusesAnotherPlaneAndAnotherProfile) {
   });
 }
 
+TEST(Profile, RefusesAMeshThatTouchesTheCurvesByChance) {
+  // One edge of twelve lies on a line, and one more node on another.
+  const HighOrderMesh mesh = ring_mesh({1, 2}, kColumns);
+  const auto x = [&](int node) {
+    return Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(node)]);
+  };
+  geometry::Geometry lines;
+  const Eigen::Vector3d a = x(kColumns), b = x(kColumns + 1);
+  lines.curves.push_back({1, geometry::line(a - 5 * (b - a), a + 5 * (b - a)), {}, {}});
+  lines.curves.push_back({2, geometry::line(x(kColumns + 6), 2 * x(kColumns + 6)), {}, {}});
+  const Team team(1);
+  Expected<Association> result;
+  team.run([&] { result = associate_in_plane(mesh, lines, team); });
+  ASSERT_FALSE(result);
+  EXPECT_NE(result.error().sentence.find("Only 1 of 24 edges"), std::string::npos) << result.error().sentence;
+  // A short line of which this edge covers half is meant.
+  lines.curves[0] = {1, geometry::line(a, a + 1.5 * (b - a)), {}, {}};
+  team.run([&] { result = associate_in_plane(mesh, lines, team); });
+  EXPECT_TRUE(result);
+}
+
 }  // namespace
 }  // namespace varimesh
