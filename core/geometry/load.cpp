@@ -25,8 +25,8 @@ Expected<void> check_plugin(const std::string& what) {
     return bad_option(
         what +
         " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
-        "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
-        "of the group 'geometry' of deploy/packages.");
+        "is neither beside the program nor named by VARIMESH_OPENCASCADE. Install the package varimesh-geometry, or "
+        "build VariMesh after 'deploy/setup geometry'.");
   if (::access(reader_path(plugin).c_str(), X_OK) == 0) return {};
   return bad_option(what + " cannot be read, because the program '" + reader_path(plugin) +
                     "', which reads CAD files, is missing; install VariMesh again.");
