@@ -96,7 +96,7 @@ bool announce(const Server& server, const std::string& port_file) {
   if (const std::string& admin = server.admin_address(); !admin.empty())
     spdlog::info("the live page is at http://{}/", admin);
   if (const std::string& http = server.http_address(); !http.empty())
-    spdlog::info("calls over HTTP are answered at http://{}/v1/", http);
+    spdlog::info("calls over HTTP are answered at http://{0}/v1/, and a page for browsers is at http://{0}/", http);
   if (const std::string& metrics = server.metrics_address(); !metrics.empty())
     spdlog::info("the metrics are at http://{}/metrics", metrics);
   return true;

@@ -14,16 +14,11 @@
 namespace varimesh::server {
 namespace {
 
-struct PageFile {
-  std::string_view path, type;
-  std::initializer_list<const std::string_view*> parts;
-};
-
 const std::array<PageFile, 3> kFiles{
-    PageFile{"/", "text/html; charset=utf-8", {&page::watch_html}},
-    PageFile{"/watch.css", "text/css; charset=utf-8", {&web::theme_css, &page::watch_css}},
+    PageFile{"/", kHtmlType, {&page::watch_html}},
+    PageFile{"/watch.css", kStyleType, {&web::theme_css, &page::watch_css}},
     PageFile{"/watch.js",
-             "text/javascript; charset=utf-8",
+             kScriptType,
              {&web::dom_js, &web::numbers_js, &web::axes_js, &web::charts_js, &page::curves_js, &page::watch_js}}};
 
 /// Returns a field of the query string, decoded; empty if it is missing.
@@ -94,12 +89,7 @@ void AdminServer::answer(mg_connection* connection) const {
   if (method != "GET" && method != "HEAD")
     return send_http(connection, 405, kTextType, "This address is read-only; use gRPC to submit jobs.\n",
                      "Allow: GET, HEAD\r\n");
-  for (const PageFile& file : kFiles) {
-    if (file.path != path) continue;
-    std::string body;
-    for (const std::string_view* part : file.parts) body += *part;
-    return send_http(connection, 200, file.type, body);
-  }
+  if (send_page_file(connection, kFiles, path)) return;
   if (path == "/healthz/live") return send_http(connection, 200, kTextType, "live\n");
   if (path == "/healthz/ready") {
     const bool ready = ready_();

@@ -16,7 +16,6 @@
 #include "google/rpc/status.pb.h"
 #include "server/api/context.h"
 #include "server/api/requests.h"
-#include "server/http/listen.h"
 #include "server/http/open_sockets.h"
 #include "server/refusals.h"
 
@@ -236,6 +235,10 @@ void HttpExchange::answer(const google::protobuf::Message& message) {
 }
 
 void HttpExchange::answer_json(std::string_view text) { send_http(connection_, 200, kJsonType, text); }
+
+bool HttpExchange::send_page_file(std::span<const PageFile> files) {
+  return server::send_page_file(connection_, files, path());
+}
 
 void HttpExchange::refuse(const grpc::Status& status, int http, const std::string& more) {
   google::rpc::Status full;

@@ -9,6 +9,7 @@
 #include "server/api/requests.h"
 #include "server/http/events.h"
 #include "server/http/openapi.h"
+#include "server/http/page.h"
 #include "server/http/transfers.h"
 #include "server/streams/status.h"
 
@@ -77,6 +78,8 @@ int Gateway::handle(mg_connection* connection) {
 void Gateway::answer(HttpExchange& exchange) const {
   if (exchange.headers("Host").size() != 1 || !is_own_host(exchange.header("Host").c_str()))
     return exchange.refuse(status(bad_request("Only this machine may use this port; use the address 127.0.0.1.")), 421);
+  // Other pages may link to the page, which says nothing of jobs, and which they can neither read nor frame.
+  if ((exchange.method() == "GET" || exchange.method() == "HEAD") && exchange.send_page_file(page_files())) return;
   if (is_from_elsewhere(exchange))
     return exchange.refuse({grpc::StatusCode::PERMISSION_DENIED, "Pages of other sites may not use this port."});
   const Routed routed = route(exchange.method(), exchange.path());

@@ -3,6 +3,7 @@
 
 #include <civetweb.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstring>
@@ -32,6 +33,15 @@ void send_http(mg_connection* connection, int status, std::string_view type, std
             status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
             body.size(), kPolicy, more);
   if (!head) mg_write(connection, body.data(), body.size());
+}
+
+bool send_page_file(mg_connection* connection, std::span<const PageFile> files, std::string_view path) {
+  const auto file = std::ranges::find(files, path, &PageFile::path);
+  if (file == files.end()) return false;
+  std::string body;
+  for (const std::string_view* part : file->parts) body += *part;
+  send_http(connection, 200, file->type, body);
+  return true;
 }
 
 bool is_own_host(const char* host) {

@@ -1,8 +1,10 @@
 // What all HTTP ports share: how they listen and answer.
 #pragma once
 
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/base/error.h"
 
@@ -12,6 +14,8 @@ struct mg_context;
 namespace varimesh::server {
 
 inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJsonType = "application/json",
+                                  kHtmlType = "text/html; charset=utf-8", kStyleType = "text/css; charset=utf-8",
+                                  kScriptType = "text/javascript; charset=utf-8",
                                   kBytesType = "application/octet-stream", kFormType = "multipart/form-data";
 
 /// Threads that read and answer short requests.
@@ -20,6 +24,15 @@ inline constexpr int kHttpThreads = 48;
 /// Answers a request. `more`: further header lines, each with its end of line.
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
                const char* more = "");
+
+/// A file of a page, which is made of embedded parts.
+struct PageFile {
+  std::string_view path, type;
+  std::vector<const std::string_view*> parts;
+};
+
+/// Sends the file that has this path. Returns whether there is one.
+bool send_page_file(mg_connection* connection, std::span<const PageFile> files, std::string_view path);
 
 /// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
 bool is_own_host(const char* host);

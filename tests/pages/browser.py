@@ -125,6 +125,22 @@ class Page:
         self.ask("Runtime.evaluate", userGesture=True, expression=f"""
             [...document.querySelectorAll({json.dumps(selector)})].find((one) => one.textContent === {json.dumps(text)}).click()""")
 
+    def choose_file(self, selector, path):
+        """Chooses a file for the first file field that matches the selector."""
+        field = self.ask("Runtime.evaluate", expression=f"document.querySelector({json.dumps(selector)})")["result"]["objectId"]
+        self.ask("DOM.setFileInputFiles", files=[str(path)], objectId=field)
+
+    def drop_file(self, path, x=200, y=200):
+        """Drops a file from outside the browser on the page."""
+        data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+        for event in ("dragEnter", "dragOver", "drop"):
+            self.ask("Input.dispatchDragEvent", type=event, x=x, y=y, data=data)
+
+    def press(self, key, code=0, text=""):
+        """Presses and releases a key."""
+        for event in ("keyDown", "keyUp"):
+            self.ask("Input.dispatchKeyEvent", type=event, key=key, code=key, windowsVirtualKeyCode=code, **({"text": text} if text and event == "keyDown" else {}))
+
     def save_downloads(self, folder):
         """Lets the page save files, in this folder."""
         self.ask("Page.setDownloadBehavior", behavior="allow", downloadPath=str(folder))

@@ -4,14 +4,15 @@ const VIEW_FROM = [0.52, -0.72, 0.46];
 
 class Shared3d {
   /**
-   * `corners` are those of the cells that the first cut goes through; null if the page has curved faces of all cells. Later,
+   * `corners` are those of the cells that the first cut goes through, or of all cells if there are no more (scene.more); null if the
+   * page has curved faces of all cells. Later,
    * this.surfaces gets the surfaces of the CAD model, and this.scale a DistanceScale if the page has distances.
    */
   constructor(scene, painter, corners, choice) {
     const [x0, y0, z0, x1, y1, z1] = scene.box;
     this.size = Math.hypot(x1 - x0, y1 - y0, z1 - z0);
     this.half = [(x1 - x0) / 2, (y1 - y0) / 2, (z1 - z0) / 2];
-    Object.assign(this, {scene, painter, corners, choice, hasAll: corners === null});
+    Object.assign(this, {scene, painter, corners, choice, hasAll: corners === null || !scene.more});
     this.views = [];
     this.surfaces = [];
     this.scale = null;

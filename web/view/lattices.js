@@ -1,4 +1,5 @@
-// Faces of a 3-D mesh as lattices of points, triangles and lines. scene_3d.cpp packs them.
+// Faces of a 3-D mesh as lattices of points, triangles and lines. scene_3d.cpp packs them; a page that has the mesh gives their
+// positions as they are.
 
 /**
  * The lattice on a face with this many corners and this many intervals per edge: the number of its points, and the indices
@@ -52,6 +53,8 @@ class FaceSet {
   }
 
   unpack(snapshot) {
+    const given = this.arrays[`${this.name}_${snapshot}_positions`];
+    if (given) return given;
     const origins = this.arrays[`${this.name}_${snapshot}_origins`];
     const scales = this.arrays[`${this.name}_${snapshot}_scales`];
     const steps = this.arrays[`${this.name}_${snapshot}_steps`];

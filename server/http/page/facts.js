@@ -1,0 +1,98 @@
+// What the page says about a job and its meshes, in words, figures and tables.
+
+const stateWord = (job) => job.state.replace('JOB_STATE_', '').toLowerCase();
+const fileOf = (job) => job.spec?.labels?.file ?? job.name;
+const isJudged = (job) => job.spec?.quality !== undefined;
+const countOf = (value) => Number(value ?? 0);
+
+/** Seconds that a job has run; null if it has not begun. */
+function secondsRun(job) {
+  if (!job.startTime) return null;
+  return (new Date(job.endTime ?? Date.now()) - new Date(job.startTime)) / 1000;
+}
+
+/** How far a job has come: a percentage if the job has a time limit, otherwise what its last iteration says. */
+function progressOf(job) {
+  if (job.state === 'JOB_STATE_SUCCEEDED') return '100 %';
+  if (hasEnded(job) || !job.startTime) return '–';
+  const limit = job.spec.options?.timeLimit;
+  const parts = limit ? [`${Math.min(99, Math.floor((100 * secondsRun(job)) / limit))} %`] : [];
+  if (job.iteration) parts.push(`iteration ${grouped(job.iteration.number)}`, `${grouped(countOf(job.iteration.invalidElements))} not certified`);
+  return parts.join(', ') || 'reading';
+}
+
+/** What came of a job, in one line. */
+function outcomeOf(job) {
+  if (job.error) return job.error.message;
+  if (!job.metrics) return '';
+  const left = uncertifiedOf(job.metrics);
+  return left > 0 ? `${grouped(left)} of ${grouped(countOf(job.metrics.mesh.elements))} elements not certified valid` : 'all elements certified valid';
+}
+
+/** The most important figures of a job's mesh, or of the meshes before and after. */
+function figures(job) {
+  const {mesh, before, after, iterations, seconds} = job.metrics;
+  const pair = (show, pick) => (isJudged(job) ? [show(pick(after))] : [make('small', {}, `${show(pick(before))} → `), show(pick(after))]);
+  const tile = (name, ...content) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, ...content));
+  const all = [
+    tile('Smallest scaled Jacobian', ...pair(jacobian, (one) => one.minScaledJacobian ?? 0)),
+    tile('Mean scaled Jacobian', ...pair(jacobian, (one) => one.meanScaledJacobian ?? 0)),
+    tile('Invalid elements', ...pair(grouped, (one) => countOf(one.invalidElements))),
+    tile('Certified valid', ...pair(grouped, (one) => countOf(one.certified?.valid))),
+    tile('Mesh', grouped(countOf(mesh.elements)), make('small', {}, ` elements of order ${mesh.order}, ${mesh.dimension}-D`)),
+  ];
+  if (!isJudged(job)) all.push(tile('Iterations', grouped(iterations ?? 0), make('small', {}, ` in ${duration(seconds ?? 0)}`)));
+  return make('dl', {class: 'tiles'}, ...all);
+}
+
+/** How many elements of the result, or of the mesh that was judged, are not certified valid. */
+const uncertifiedOf = ({mesh, after}) => countOf(mesh.elements) - countOf(after?.certified?.valid);
+
+/** What somebody who uses the mesh should know: whether it is valid, what to try if it is not, and notes. */
+function warnings(job) {
+  const {left, notes = []} = job.metrics;
+  const isValid = uncertifiedOf(job.metrics) === 0;
+  const remedies = (left?.remedies ?? []).map((remedy) => remedy.sentence);
+  const lines = [...(isValid ? [] : remedies), ...notes].filter(Boolean);
+  const sentence = isValid ? 'All elements are certified valid.' : left?.sentence || `Of the elements, ${outcomeOf(job)}.`;
+  return make('div', {id: 'verdict'}, make('p', {class: `verdict ${isValid ? 'good' : 'bad'}`}, sentence),
+      ...(lines.length ? [make('ul', {class: 'warnings'}, ...lines.map((text) => make('li', {}, text)))] : []));
+}
+
+/** The groups of a mesh, with how many elements each has. */
+function groupTable(mesh) {
+  const counts = new Map();
+  for (const {shape, physical, nodes} of mesh.blocks) {
+    const dimension = SHAPES[shape]?.dimension ?? 0;
+    const each = dimension === 0 ? 1 : latticeOf(shape, mesh.order).length;
+    for (const tag of physical) {
+      const key = `${dimension}:${tag}`;
+      counts.set(key, (counts.get(key) ?? 0) + nodes.length / each);
+    }
+  }
+  const names = new Map(mesh.groups.map(({dimension, tag, name}) => [`${dimension}:${tag}`, name]));
+  for (const key of names.keys()) if (!counts.has(key)) counts.set(key, 0);
+  if (counts.size === 0) return make('p', {class: 'quiet'}, 'The mesh has no physical groups.');
+  const rows = [...counts].sort().map(([key, count]) => [names.get(key) ?? '–', ...key.split(':').map((value) => numberCell(Number(value), value)), numberCell(count)]);
+  return table('Physical groups', ['Name', {text: 'Dimension', class: 'number'}, {text: 'Tag', class: 'number'}, {text: 'Elements', class: 'number'}], rows);
+}
+
+/** A button that acts at its second click within five seconds. */
+function sureButton(text, label, act) {
+  let until = 0;
+  const node = button(text, async () => {
+    if (Date.now() > until) {
+      until = Date.now() + 5000;
+      node.textContent = `${text}: click again`;
+      setTimeout(() => { node.textContent = text; }, 5000);
+      return;
+    }
+    node.disabled = true;
+    await act().catch((error) => {
+      node.disabled = false;
+      tell(error.message, true);
+    });
+  });
+  node.setAttribute('aria-label', label);
+  return node;
+}

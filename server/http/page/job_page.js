@@ -1,0 +1,145 @@
+// The page of one job: its progress, its pictures, its files, and the form for the next run.
+
+const REDRAW_EVERY = 400;  // milliseconds between two drawings of the curves
+
+/** The iterations of a job as columns, and its log. */
+class Progress {
+  constructor(section) {
+    this.history = {iteration: [], phase: [], energy: [], residual: [], seconds: [], min_scaled_jacobian: [], invalid_elements: []};
+    this.line = make('p', {class: 'readout', role: 'status'});
+    this.curves = make('div');
+    this.log = make('pre', {class: 'log', tabindex: 0, role: 'region', 'aria-label': 'Log'});
+    section.append(this.line, this.curves, make('details', {}, make('summary', {}, 'Log'), this.log));
+    this.drawn = 0;
+  }
+
+  take(event) {
+    if (event.log) this.log.append(`${instant(event.time)} ${event.log.text ?? event.log.message ?? ''}\n`);
+    if (event.stateChange) this.log.append(`${instant(event.time)} ${event.stateChange.state.replace('JOB_STATE_', '').toLowerCase()}\n`);
+    if (!event.iteration) return;
+    const one = event.iteration;
+    const {history} = this;
+    if (one.number <= history.iteration.at(-1)) for (const list of Object.values(history)) list.length = 0;  // Another attempt counts from 1 again.
+    history.iteration.push(one.number);
+    history.phase.push((one.phase ?? '').replace('PHASE_', '').toLowerCase());
+    history.energy.push(one.energy ?? 0);
+    history.residual.push(one.residual ?? 0);
+    history.seconds.push(one.seconds ?? 0);
+    history.min_scaled_jacobian.push(one.minScaledJacobian ?? 0);
+    history.invalid_elements.push(countOf(one.invalidElements));
+    this.line.textContent = `${history.phase.at(-1)} ${one.number}: ${grouped(history.invalid_elements.at(-1))} not certified, smallest scaled Jacobian ` +
+        `${jacobian(history.min_scaled_jacobian.at(-1))}, ${duration(history.seconds.at(-1))}`;
+    if (Date.now() - this.drawn > REDRAW_EVERY) this.draw();
+  }
+
+  draw() {
+    if (!this.history.iteration.length) return;
+    this.drawn = Date.now();
+    this.curves.replaceChildren();
+    convergence(this.curves, this.history);
+  }
+}
+
+/** Lets one choose a format of the server, and saves the result in it. */
+async function downloads(job) {
+  const {outputFormats = []} = await askFor('info');
+  const own = job.results[0].format;
+  const formats = [own, ...outputFormats.filter((format) => format !== own && !PICTURE_FORMATS.includes(format))];
+  let chosen = 0;
+  const names = formats.map((format) => shortFormat(format).toLowerCase().replaceAll('_', '-'));
+  const get = button('Download', async () => {
+    get.disabled = true;
+    await download(job, formats[chosen], stemOf(betterName(fileOf(job)))).catch((error) => tell(error.message, true));
+    get.disabled = false;
+  });
+  return make('div', {class: 'controls', id: 'downloads'}, labelled('Format', choice(names, 0, (i) => { chosen = i; })), get);
+}
+
+/** The form for a run on this job's mesh, with the options of the last one, and the same for a terminal and Python. */
+async function runForm(job) {
+  const form = await OptionForm.create(job.spec.options);
+  const section = addSection('run', isJudged(job) ? 'Optimise' : 'Run again');
+  const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
+  const node = make('form', {}, form.node, make('div', {class: 'controls'}, start));
+  node.addEventListener('submit', async (event) => {
+    event.preventDefault();
+    start.disabled = true;
+    const {format, digest} = job.spec.mesh;
+    const spec = {mesh: {digest, format}, options: form.options(), outputs: ['MESH_FORMAT_UNSPECIFIED', ...PICTURE_FORMATS], labels: {file: fileOf(job)}};
+    await submitSpec(spec).then((made) => { location.hash = `#/${made.name}`; }).catch((error) => tell(error.message, true));
+    start.disabled = false;
+  });
+  section.append(node, commandTexts(fileOf(job), form));
+}
+
+/** Draws the mesh, or both meshes. */
+async function showPicture(section, job, signal) {
+  const note = make('p', {class: 'quiet', role: 'status'}, 'Fetching the picture …');
+  section.append(note);
+  let before = await (isJudged(job) ? cellsAfter(job, signal) : cellsBefore(job, signal));
+  const after = isJudged(job) ? null : await cellsAfter(job, signal);
+  signal.throwIfAborted();
+  note.remove();
+  if (after && !after.orderLike(before)) {
+    section.append(make('p', {class: 'quiet'}, 'The result does not have the same elements as the mesh before, so only the result is shown.'));
+    before = after;
+  }
+  const groups = job.metrics?.unrepairable ?? [];
+  const {scene, arrays} = makeScene(before, after === before ? null : after, new Set(groups.flatMap((group) => (group.elements ?? []).map(Number))));
+  const crosses = groups.map((group) => ({place: [group.x ?? 0, group.y ?? 0, group.z ?? 0]}));
+  const views = (scene.dimension === 2 ? pictures2d : pictures3d)(section, scene, arrays, new CellTable(scene, arrays), crosses, []);
+  section.append(make('div', {class: 'columns'}, ...scene.snapshots.map((name) => worstTableOf(scene, name, views.go))), groupTable(before.mesh));
+}
+
+/** The worst elements of a mesh, each with a button that shows it. */
+function worstTableOf(scene, snapshot, go) {
+  const rows = scene.worst[snapshot].map((one) => [numberCell(one.number, String(one.number)), one.shape, numberCell(one.scaled_jacobian, jacobian(one.scaled_jacobian)),
+    go ? button('Show', () => go(one.place, one.size)) : '']);
+  return table(scene.snapshots.length > 1 ? `The worst elements ${snapshot}` : 'The worst elements',
+      [{text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, 'Action'], rows);
+}
+
+/** What to do with a job besides looking. */
+function jobButtons(job) {
+  const name = job.name.slice(5, 13);
+  if (!hasEnded(job)) return [sureButton('Cancel', `Cancel ${name}`, () => cancelJob(job.name))];
+  return [sureButton('Delete', `Delete ${name}`, async () => {
+    await deleteJob(job.name);
+    location.hash = '#/jobs';
+  })];
+}
+
+async function showJob(name, signal) {
+  let job = await getJob(name);
+  document.title = `${fileOf(job)} – VariMesh`;
+  const section = addSection('job', fileOf(job));
+  const line = make('p', {id: 'state', 'data-state': stateWord(job)});
+  const buttons = make('div', {class: 'controls'});
+  const describe = () => {
+    line.dataset.state = stateWord(job);
+    line.textContent = [isJudged(job) ? 'quality' : 'optimise', stateWord(job), outcomeOf(job), hasEnded(job) ? `took ${duration(secondsRun(job))}` : '', job.name]
+        .filter(Boolean).join(' · ');
+    buttons.replaceChildren(...jobButtons(job));
+  };
+  describe();
+  section.append(line, buttons);
+  const progress = new Progress(section);
+  ready();
+  job = await follow(name, (event) => {
+    progress.take(event);
+    if (event.stateChange) Object.assign(job, {state: event.stateChange.state});
+    if (event.stateChange && !hasEnded(job)) describe();
+  }, signal);
+  progress.draw();
+  describe();
+  if (job.metrics) buttons.after(figures(job), warnings(job));
+  if (!isJudged(job) && job.results?.length) buttons.append(await downloads(job));
+  if (isJudged(job)) judged.set(job.spec.mesh.digest, job.name);
+  if (job.results?.length) {
+    const picture = addSection('pictures', 'The mesh, coloured by scaled Jacobian');
+    await showPicture(picture, job, signal).catch((error) => {
+      if (error.name !== 'AbortError') picture.append(make('p', {class: 'lost'}, error.message));
+    });
+  }
+  if (!signal.aborted) await runForm(job);
+}

@@ -1,0 +1,130 @@
+// Builds the page for the address after "#": a place to drop a mesh, the list of jobs, or one job.
+
+const CAD_FILE = /\.(step|stp|iges|igs|brep)$/i;
+
+/** A section with a heading, added to the page. */
+function addSection(id, title) {
+  const section = make('section', {id}, make('h2', {}, title));
+  document.getElementById('main').append(section);
+  return section;
+}
+
+/** Says something to whoever looks at the page; `isWrong`: that something went wrong. */
+function tell(text, isWrong = false) {
+  const line = document.getElementById('told');
+  line.className = isWrong ? 'lost' : 'quiet';
+  line.textContent = text;
+}
+
+/** For tests: what can be shown at once is there. */
+function ready() {
+  document.documentElement.dataset.ready = 'yes';
+}
+
+/** What to do with a CAD model, which has no elements yet. */
+function adviseAboutModel(file) {
+  const mesh = `${stemOf(file.name)}.msh`;
+  document.getElementById('advice').replaceChildren(
+      make('p', {}, `${file.name} is a CAD model, which has no elements yet. These commands make a mesh of it, or curve a straight mesh of it; ` +
+          'drop the mesh here then.'),
+      copyable('Mesh the model', `varimesh mesh ${shellWord(file.name)} --size 5 --order 3 -o ${shellWord(mesh)}`),
+      copyable('Curve a straight mesh of the model', `varimesh curve linear.msh --geometry ${shellWord(file.name)} --order 3 -o ${shellWord(mesh)}`));
+}
+
+/** Sends a mesh to the server and shows it. */
+async function take(file) {
+  if (!file) return;
+  if (!location.hash.match(/^(#\/?)?$/)) location.hash = '#/';
+  if (CAD_FILE.test(file.name)) {
+    tell('');
+    await pause(0);
+    return adviseAboutModel(file);
+  }
+  tell(`Sending ${file.name} …`);
+  try {
+    const job = await submitFile(file, judgeSpec({}, {file: file.name}));
+    tell('');
+    location.hash = `#/${job.name}`;
+  } catch (error) {
+    tell(error.message, true);
+  }
+}
+
+/** The place to drop a mesh, with a field for those who choose it. */
+function showStart() {
+  document.title = 'VariMesh';
+  const section = addSection('start', 'Look at a mesh');
+  const input = make('input', {type: 'file', id: 'file'});
+  input.addEventListener('change', () => take(input.files[0]));
+  section.append(make('label', {class: 'drop', for: 'file'}, make('strong', {}, 'Drop a mesh here, or choose a file'),
+      make('span', {class: 'quiet'}, 'Gmsh, VTK, MFEM, Nektar++, HOPR, CGNS and others. It is sent to the server that this page comes from, and to nobody else.'), input),
+  make('div', {id: 'advice'}));
+  ready();
+}
+
+/** Drops anywhere in the window count. */
+function acceptDrops() {
+  const zone = document.documentElement;
+  zone.addEventListener('dragover', (event) => {
+    event.preventDefault();
+    zone.classList.add('dragged');
+  });
+  zone.addEventListener('dragleave', (event) => { if (!event.relatedTarget) zone.classList.remove('dragged'); });
+  zone.addEventListener('drop', (event) => {
+    event.preventDefault();
+    zone.classList.remove('dragged');
+    take(event.dataTransfer.files[0]);
+  });
+}
+
+/** Asks for a token, which the browser forgets with the tab. */
+function askForToken(why) {
+  const place = document.getElementById('token');
+  if (place.childElementCount) return;
+  sessionStorage.removeItem('token');
+  const field = make('input', {type: 'password', autocomplete: 'off', 'aria-label': 'Token'});
+  const node = make('form', {class: 'controls'}, make('span', {}, why), field, make('button', {type: 'submit'}, 'Use this token'));
+  node.addEventListener('submit', (event) => {
+    event.preventDefault();
+    sessionStorage.setItem('token', field.value.trim());
+    place.replaceChildren();
+    tell('');
+    show();
+  });
+  place.replaceChildren(node);
+  field.focus();
+}
+
+let looking = new AbortController();
+
+async function show() {
+  looking.abort();
+  looking = new AbortController();
+  const {signal} = looking;
+  document.getElementById('main').replaceChildren();
+  delete document.documentElement.dataset.ready;
+  const path = location.hash.replace(/^#\/?/, '');
+  for (const link of document.querySelectorAll('nav a')) {
+    if (link.hash.replace(/^#\/?/, '') === path) link.setAttribute('aria-current', 'page');
+    else link.removeAttribute('aria-current');
+  }
+  try {
+    if (path === 'jobs') await showJobs(signal);
+    else if (/^jobs\/[0-9a-f]+$/.test(path)) await showJob(path, signal);
+    else showStart();
+  } catch (error) {
+    if (signal.aborted) return;
+    tell(error.message, true);
+    ready();
+  }
+}
+
+takeToken();
+onTokenNeeded = askForToken;
+acceptDrops();
+addEventListener('hashchange', () => {
+  takeToken();
+  tell('');
+  show();
+});
+show();

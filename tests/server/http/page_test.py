@@ -1,0 +1,317 @@
+"""The page of --http in a headless Chromium: a mesh is dropped, looked at, optimised and downloaded there.
+ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import base64
+import http.client
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
+sys.path.insert(0, str(SOURCE / "tests" / "pages"))
+import browser
+from over_http import WithHttp
+from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, VARIMESHD, run
+
+OWN = SOURCE / "server" / "http" / "page"
+FILES = {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript", "/three.js": "text/javascript"}
+
+
+class Files(WithHttp):
+    """What the port sends of the page, without a browser."""
+
+    def fetch(self, path, method="GET", **headers):
+        connection = http.client.HTTPConnection(self.http, timeout=20)
+        self.addCleanup(connection.close)
+        connection.request(method, path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, answer.headers, answer.read()
+
+    def test_come_with_a_strict_policy(self):
+        for path, type in FILES.items():
+            code, headers, body = self.fetch(path)
+            self.assertEqual((code, headers["Content-Type"]), (200, type + "; charset=utf-8"), path)
+            policy = dict(part.split(" ", 1) for part in headers["Content-Security-Policy"].split("; "))
+            self.assertEqual((policy["default-src"], policy["script-src"], policy["frame-ancestors"]), ("'none'", "'self'", "'none'"))
+            self.assertEqual(headers["X-Content-Type-Options"], "nosniff")
+            self.assertEqual(headers["Cross-Origin-Resource-Policy"], "same-origin")
+            self.assertEqual(self.fetch(path, "HEAD")[2], b"")
+            self.assertNotIn(self.fetch(path, "POST")[0], (200, 204), path)
+
+    def test_have_no_scripts_and_styles_within(self):
+        text = self.fetch("/")[2].decode()
+        for found in re.findall(r"<script[^>]*>", text):
+            self.assertIn(" src=", found)
+        self.assertNotRegex(text, r"<style| style=| on[a-z]+=|https?://")
+
+    def test_can_be_linked_to_but_not_by_another_name(self):
+        self.assertEqual(self.fetch("/", **{"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"})[0], 200)
+        for host in ("evil.example", "127.0.0.1.evil.example", "10.0.0.1"):
+            self.assertEqual(self.fetch("/", Host=host)[0], 421, host)
+
+
+class WithPage(WithHttp):
+    def setUp(self):
+        if browser.find() is None:
+            print("SKIPPED: there is no chromium to open the page with")
+            sys.exit(77)
+        super().setUp()
+        self.page = browser.Page()
+        self.addCleanup(self.page.close)
+        self.page.save_downloads(self.folder)
+
+    def open(self, path="/"):
+        self.page.open(f"http://{self.http}{path}")
+
+    def look_at(self, mesh):
+        """Drops a mesh on the page and waits for its picture and the form."""
+        self.page.drop_file(mesh)
+        self.page.wait("!!document.querySelector('#pictures table') && !!document.querySelector('#run form')")
+
+    def text(self, selector):
+        return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
+
+    def wait_for_state(self, state):
+        self.page.wait(f"document.querySelector('#state')?.dataset.state === '{state}'")
+
+    def downloaded(self, name):
+        file = self.folder / name
+        deadline = time.monotonic() + 30
+        while not file.exists():
+            self.assertLess(time.monotonic(), deadline, os.listdir(self.folder))
+            time.sleep(0.02)
+        return file.read_bytes()
+
+    def check_clean(self):
+        self.assertEqual(self.page.errors, [])
+        asked = {one for one in self.page.requests if not one.startswith((f"http://{self.http}/", "blob:", "data:", "about:"))}
+        self.assertEqual(asked, set(), "everything comes from this server")
+
+
+class Page(WithPage):
+    def test_a_mesh_is_dropped_looked_at_optimised_and_downloaded(self):
+        self.open()
+        self.look_at(MESH)
+        document = json.loads(run("quality", MESH, "--json").stdout)
+        self.assertEqual(self.page.value("document.querySelectorAll('#pictures .flagged').length"), document["quality"]["invalid_elements"])
+        self.assertIn(str(document["quality"]["invalid_elements"]), self.text("#job .tiles"))
+        self.assertIn("boundary", self.text("#pictures > .scrolls"))
+        self.assertIn("not certified valid", self.text("#verdict"))
+
+        self.page.click("button", "Optimise")
+        self.wait_for_state("succeeded")
+        self.page.wait("!!document.querySelector('#run form') && document.querySelectorAll('#pictures .view').length >= 2")
+        views = "document.querySelectorAll('#pictures .view')"
+        self.assertEqual(self.page.value(f"[0, 1].map((i) => {views}[i].querySelectorAll('.flagged').length)"), [2, 0])
+        self.page.wait("document.querySelectorAll('#job .curve').length === 3")
+        self.assertIn("varimesh optimise nine_triangles.msh -o nine_triangles-better.msh", self.text("#run pre"))
+
+        expected = self.folder / "expected.msh"
+        self.assertEqual(run("optimise", MESH, "-o", expected).returncode, 0)
+        self.page.click("#downloads button", "Download")
+        self.assertEqual(self.downloaded("nine_triangles-better.msh"), expected.read_bytes())
+        # Another format is written from the result by the server.
+        self.assertEqual(run("convert", expected, self.folder / "expected.mesh").returncode, 0)
+        self.page.value("""(() => { const select = document.querySelector('#downloads select');
+            select.value = [...select.options].findIndex((one) => one.textContent === 'mfem'); select.dispatchEvent(new Event('change')); })()""")
+        self.page.click("#downloads button", "Download")
+        self.assertEqual(self.downloaded("nine_triangles-better.mesh"), (self.folder / "expected.mesh").read_bytes())
+        self.check_clean()
+
+    def test_invalid_elements_have_their_colour_in_three_dimensions(self):
+        mesh = CASES / "sphere_p3.msh"
+        self.assertGreater(json.loads(run("quality", mesh, "--json").stdout)["quality"]["invalid_elements"], 0)
+        self.open()
+        self.look_at(mesh)
+        choose = "(() => { const one = document.querySelectorAll('#pictures %s')[%d]; one.value = %s; one.dispatchEvent(new Event('%s')); })()"
+        self.page.value(choose % ("select", 1, "0", "change"))  # no cut
+        self.page.value(choose % ("select", 0, "2", "change"))  # no boundary
+        counts = []
+        for threshold in ("1", "1e-9"):  # all elements, and those that are invalid
+            self.page.value(choose % ("input[type=range]", 1, threshold, "input"))
+            time.sleep(0.3)
+            counts.append(self.page.value("""new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
+                const canvas = document.querySelector('#pictures .view canvas');
+                const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext('2d', {willReadFrequently: true});
+                copy.drawImage(canvas, 0, 0);
+                const {data} = copy.getImageData(0, 0, canvas.width, canvas.height);
+                let [all, red] = [0, 0];
+                for (let i = 0; i < data.length; i += 4) {
+                  if (data[i + 3] === 0) continue;
+                  ++all;
+                  if (data[i] > 1.6 * data[i + 2] && data[i] > 1.4 * data[i + 1]) ++red;
+                }
+                done([all, red]);
+              })))"""))
+        (all_drawn, _), (drawn, red) = counts
+        self.assertGreater(all_drawn, 1000)
+        self.assertLess(drawn, all_drawn, counts)
+        self.assertGreater(red, drawn / 4, counts)  # the rest is edges and shadow
+        self.check_clean()
+
+    def test_a_job_is_watched_and_cancelled(self):
+        job = self.submit(LARGER, *ENDLESS)
+        self.open(f"/#/jobs/{job}")
+        self.page.wait("/ [0-9]+: .*not certified/.test(document.querySelector('#job .readout')?.textContent)")
+        self.page.click("button", "Cancel")
+        self.page.click("button", "Cancel: click again")
+        self.wait_for_state("cancelled")
+        self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
+        self.page.wait("document.querySelectorAll('#pictures .view').length === 2 || document.querySelectorAll('#pictures .view').length === 4")
+        self.check_clean()
+
+    def test_the_list_of_jobs(self):
+        for _ in range(22):
+            self.submit(MESH, "--time-limit", "5")
+        job = self.submit(LARGER, *ENDLESS)
+        self.open("/#/jobs")
+        rows = "document.querySelectorAll('#jobs tbody tr').length"
+        self.page.wait(f"{rows} === 20")
+        self.page.click("button", "Older")
+        self.page.wait(f"{rows} === 3")
+        self.page.value("(() => { const one = document.querySelector('#jobs select'); one.value = 2; one.dispatchEvent(new Event('change')); })()")
+        self.page.wait(f"{rows} === 1")
+        self.assertIn("iteration", self.text("#jobs tbody tr"))
+        self.page.click("#jobs button", "Cancel")
+        self.page.click("#jobs button", "Cancel: click again")
+        self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
+        self.check_clean()
+
+    def test_only_by_keyboard(self):
+        self.open()
+        self.look_at(MESH)
+        reached = []
+        for _ in range(80):
+            self.page.press("Tab", 9)
+            at = self.page.value("(() => { const one = document.activeElement; return one.textContent.trim().slice(0, 30) || one.id; })()")
+            reached.append(at)
+            if at == "Optimise":
+                break
+        self.assertIn("Jobs", reached)
+        self.assertIn("option-timeLimit", reached)
+        self.page.press("Enter", 13, "\r")
+        self.wait_for_state("succeeded")
+        self.check_clean()
+
+    def test_a_cad_model_gets_the_commands_for_it(self):
+        self.open()
+        self.page.drop_file(CASES / "geometry" / "bracket.step")
+        self.page.wait("!!document.querySelector('#advice pre')")
+        self.assertIn("varimesh mesh bracket.step", self.text("#advice"))
+
+    def test_markup_in_a_name_stays_text(self):
+        mesh = self.folder / "<img src=x onerror=alert(1)>.msh"
+        mesh.write_text(FOLDED)
+        self.open()
+        self.look_at(mesh)
+        self.assertEqual(self.page.value("document.querySelectorAll('img').length"), 0)
+        self.assertIn("<img", self.text("#job h2"))
+        self.check_clean()
+
+    def test_what_is_no_mesh_is_refused_with_the_servers_sentence(self):
+        mesh = self.folder / "no.msh"
+        mesh.write_text("hello")
+        self.open()
+        self.page.drop_file(mesh)
+        self.wait_for_state("failed")
+        self.assertRegex(self.text("#state"), "[Mm]esh")
+
+    def test_fits_narrow_and_dark(self):
+        self.open()
+        self.look_at(MESH)
+        self.page.look(390, 844, dark=True)
+        self.assertEqual(self.page.value("document.documentElement.scrollWidth"), 390)
+        self.assertNotEqual(self.page.value("getComputedStyle(document.body).backgroundColor"), "rgb(246, 247, 248)")
+        self.open("/#/jobs")
+        self.page.wait("!!document.querySelector('#jobs tbody tr')")
+        self.assertEqual(self.page.value("document.documentElement.scrollWidth"), 390)
+        self.check_clean()
+
+
+class Tokens(WithPage):
+    def flags(self):
+        tokens = self.folder / "tokens"
+        self.token = subprocess.run([VARIMESHD, "token", "ann", "--tokens", tokens], capture_output=True, text=True, timeout=20).stdout.strip()
+        return ("--tokens", str(tokens))
+
+    def test_come_with_the_address_and_leave_it(self):
+        self.open(f"/#token={self.token}")
+        self.look_at(MESH)
+        self.assertNotIn(self.token, self.page.value("location.href"))
+        self.assertNotIn(self.token, "".join(self.page.requests).replace(f"#token={self.token}", ""))
+        self.assertEqual(self.page.value("localStorage.length + document.cookie.length"), 0)
+        self.open("/#token=another")  # does not take the place of the one that the tab has
+        self.assertEqual(self.page.value("sessionStorage.getItem('token')"), self.token)
+        self.check_clean()
+
+    def test_are_asked_for(self):
+        self.open("/#/jobs")
+        self.page.wait("!!document.querySelector('#token input')")
+        self.page.value(f"document.querySelector('#token input').value = {json.dumps(self.token)}")
+        self.page.click("#token button", "Use this token")
+        self.page.wait("document.querySelector('#jobs')?.textContent.includes('no such jobs')")
+
+
+class Scenes(WithPage):
+    """How the page reads meshes of the server and finds the nodes on the sides of cells."""
+
+    def setUp(self):
+        super().setUp()
+        names = ("wire.js", "shapes.js", "mesh_cells.js", "scene_2d.js")
+        self.page.value("\n".join((OWN / name).read_text() for name in names) + "; 1")
+
+    def result(self, job, format):
+        connection = http.client.HTTPConnection(self.http, timeout=20)
+        self.addCleanup(connection.close)
+        connection.request("GET", f"/v1/{job}/result?format={format}")
+        return connection.getresponse().read()
+
+    def test_cells_that_share_a_side_have_the_same_nodes_on_it(self):
+        published = CASES / "published"
+        for mesh in (MESH, CASES / "aerofoil_p4.msh", CASES / "sphere_p3.msh", published / "palace__cylinder_hex.msh",
+                     published / "palace__cylinder_prism.msh", published / "nektar__cube_tet_p6_v40_parametric.msh"):
+            job = "jobs/" + self.submit(mesh, "--output-format", "parts", "--output-format", "cell-quality", "--max-iterations", "0")
+            self.wait(job.removeprefix("jobs/"), "JOB_STATE_SUCCEEDED")
+            parts, quality = (base64.b64encode(self.result(job, f"MESH_FORMAT_{one}")).decode() for one in ("PARTS", "CELL_QUALITY"))
+            shared, wrong = self.page.value(f"""(() => {{
+                const bytes = (text) => Uint8Array.from(atob(text), (one) => one.charCodeAt(0));
+                const cells = new MeshCells(readMesh(bytes('{parts}')), readQuality(bytes('{quality}')));
+                const {{first, opposite}} = joinSides(cells);
+                const nodes = [];
+                for (let cell = 0; cell < cells.count; ++cell)
+                  for (const side of sideNodes(cells.shapes[cell], cells.mesh.order))
+                    nodes.push(side.map((local) => cells.node(cell, local)).sort((a, b) => a - b).join());
+                const pairs = [...opposite.keys()].filter((side) => opposite[side] >= 0);
+                return [pairs.length, pairs.filter((side) => nodes[side] !== nodes[opposite[side]]).length];
+              }})()""")
+            self.assertGreater(shared, 0, mesh.name)
+            self.assertEqual(wrong, 0, mesh.name)
+
+    def test_lattices_have_all_nodes(self):
+        for shape, counts in ((3, (3, 6, 10, 15, 21)), (4, (4, 9, 16, 25, 36)), (5, (4, 10, 20, 35, 56)), (6, (5, 14, 30, 55, 91)),
+                              (7, (6, 18, 40, 75, 126)), (8, (8, 27, 64, 125, 216))):
+            for order, count in enumerate(counts, 1):
+                self.assertEqual(self.page.value(f"new Set(latticeOf({shape}, {order}).map(String)).size"), count, (shape, order))
+                self.assertTrue(self.page.value(f"sideNodes({shape}, {order}).flat().every((node) => node >= 0)"), (shape, order))
+
+    def test_weights_reproduce_polynomials_of_the_order(self):
+        for corners, power in ((3, "(x + y / 2) ** order"), (4, "(x * y + x / 2) ** order")):
+            worst = self.page.value(f"""Math.max(...[1, 2, 3, 4].map((order) => {{
+                const points = (steps) => {{
+                  const all = [];
+                  for (let j = 0; j <= steps; ++j) for (let i = 0; i <= ({corners} === 3 ? steps - j : steps); ++i) all.push([i / steps, j / steps]);
+                  return all;
+                }};
+                const f = ([x, y]) => (1 + x) ** order - 2 * {power};
+                const [nodes, fine] = [points(order).map(f), points(7).map(f)];
+                return Math.max(...faceWeights({corners}, order, 7).map((row, k) => Math.abs(row.reduce((sum, w, i) => sum + w * nodes[i], 0) - fine[k])));
+              }}))""")
+            self.assertLess(worst, 1e-11, corners)
+
+
+if __name__ == "__main__":
+    unittest.main()
