@@ -46,6 +46,7 @@ Actions list(Command program, const QualityRun& quality) {
           {"delete", add_delete(program)},
           {"info", add_info(program)},
           {"doctor", add_doctor(program)},
+          {"ui", add_ui(program)},
           {"certificates", add_certificates(program)},
           {"completion", add_completion(program)},
           {"man", add_man(program)}};

@@ -23,6 +23,7 @@ Action add_delete(Command program);
 Action add_info(Command program);
 Action add_doctor(Command program);
 Action add_certificates(Command program);
+Action add_ui(Command program);
 Action add_completion(Command program);
 Action add_man(Command program);
 

@@ -70,11 +70,11 @@ ProgramEnd run_program(const std::string& path, const std::vector<std::string>& 
   while (true) {
     const bool is_interrupted = interrupted();
     const bool ends = is_interrupted || (meanwhile.most_seconds > 0 && watch.seconds() >= meanwhile.most_seconds);
-    if (ends) ::kill(child, SIGKILL);
+    if (ends) ::kill(child, meanwhile.end_signal);
     const pid_t ended = ::waitpid(child, &status, ends ? 0 : WNOHANG);
     if (ended == child && ends) return {is_interrupted ? ProgramEnd::Way::Interrupted : ProgramEnd::Way::TimeIsOver, 0};
     if (ended == child) break;
-    if (meanwhile.on_second && watch.seconds() >= called + 1) {
+    if (meanwhile.on_second && watch.seconds() >= called + meanwhile.seconds_between) {
       called = watch.seconds();
       meanwhile.on_second();
     }

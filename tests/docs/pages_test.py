@@ -41,6 +41,7 @@ NOT_HERE = {
     ("security.md", "varimesh certificates"): "the server in it does not end; tests/client/jobs/tls_test.py does this",
     ("security.md", "varimeshd --listen"): "it does not end; tests/deploy/nginx_test.py starts it",
     ("operations.md", "pg_dump"): "needs a farm; tests/server/postgres/farm_faults_test.py saves and restores one",
+    ("page.md", "varimesh ui"): "it does not end; tests/client/commands/ui_test.py starts it",
     ("page.md", "varimeshd --http"): "it does not end; tests/server/http/page_test.py opens the page",
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin/admin_server_test.py starts it",
     ("geometry.md", "varimesh optimise"): "needs a CAD file; tests/client/commands/geometry_test.py makes one",
