@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <chrono>
 #include <cstring>
 
 #include "server/addresses.h"
@@ -22,9 +23,22 @@ constexpr const char* kPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'";
 
+/// Sends a body. A client that takes nothing for two seconds is given up, and so is one that has not all of it when the
+/// patience is over.
+void send_body(mg_connection* connection, std::string_view body, std::chrono::milliseconds patience) {
+  constexpr std::size_t kPiece = std::size_t{8} << 10;
+  const auto deadline = std::chrono::steady_clock::now() + patience;
+  while (!body.empty() && std::chrono::steady_clock::now() < deadline) {
+    const int sent = mg_write(connection, body.data(), std::min(kPiece, body.size()));
+    if (sent <= 0) return;
+    body.remove_prefix(static_cast<std::size_t>(sent));
+  }
+}
+
 }  // namespace
 
-void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more) {
+void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more,
+               std::chrono::milliseconds patience) {
   const bool head = std::strcmp(mg_get_request_info(connection)->request_method, "HEAD") == 0;
   mg_printf(connection,
             "HTTP/1.1 %d %s\r\nContent-Type: %.*s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\n"
@@ -32,7 +46,7 @@ void send_http(mg_connection* connection, int status, std::string_view type, std
             "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n%s\r\n",
             status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
             body.size(), kPolicy, more);
-  if (!head) mg_write(connection, body.data(), body.size());
+  if (!head) send_body(connection, body, patience);
 }
 
 bool send_page_file(mg_connection* connection, std::span<const PageFile> files, std::string_view path) {
@@ -40,7 +54,8 @@ bool send_page_file(mg_connection* connection, std::span<const PageFile> files, 
   if (file == files.end()) return false;
   std::string body;
   for (const std::string_view* part : file->parts) body += *part;
-  send_http(connection, 200, file->type, body);
+  constexpr std::chrono::seconds kPatience{5};
+  send_http(connection, 200, file->type, body, "", kPatience);
   return true;
 }
 

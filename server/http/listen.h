@@ -1,6 +1,7 @@
 // What all HTTP ports share: how they listen and answer.
 #pragma once
 
+#include <chrono>
 #include <span>
 #include <string>
 #include <string_view>
@@ -21,9 +22,10 @@ inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJson
 /// Threads that read and answer short requests.
 inline constexpr int kHttpThreads = 48;
 
-/// Answers a request. `more`: further header lines, each with its end of line.
+/// Answers a request. `more`: further header lines, each with its end of line. `patience`: how long the client may take
+/// for the body.
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
-               const char* more = "");
+               const char* more = "", std::chrono::milliseconds patience = std::chrono::seconds{30});
 
 /// A file of a page, which is made of embedded parts.
 struct PageFile {
@@ -31,7 +33,8 @@ struct PageFile {
   std::vector<const std::string_view*> parts;
 };
 
-/// Sends the file that has this path. Returns whether there is one.
+/// Sends the file that has this path. Returns whether there is one. Nobody has to say who they are for it, so a client
+/// that takes it slowly is given up.
 bool send_page_file(mg_connection* connection, std::span<const PageFile> files, std::string_view path);
 
 /// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.

@@ -82,7 +82,7 @@ function controls3d(scene, shared) {
   return make('div', {class: 'controls'},
       labelled('Boundary', choice(['solid', 'see-through', 'hidden'], SKINS.indexOf(skin), (i) => shared.select({skin: SKINS[i]}))),
       labelled('Cut', choice(['none', 'across x', 'across y', 'across z'], axis + 1, (i) => { shared.select({axis: i - 1}); move(side); })),
-      slider({min: 0, max: 1, step: 0.01, value: 0.5}, (to) => `${Math.round(100 * to)} %`, move), flip,
+      labelled('at', slider({min: 0, max: 1, step: 0.01, value: 0.5}, (to) => `${Math.round(100 * to)} %`, move)), flip,
       labelled('Elements below', slider({min: 0, max: up, step: up / 100, value: threshold}, (js) => js.toFixed(2),
           (js) => shared.select({threshold: js}))),
       labelled('Only element', onlyElement(shared)), button('All elements', () => shared.isolate(null)));

@@ -12,14 +12,16 @@ function partsOfName(name) {
 const stemOf = (name) => partsOfName(name)[0];
 const betterName = (name) => `${stemOf(name)}-better.${partsOfName(name)[1]}`;
 
-function commandLine(file, form) {
-  return ['varimesh', 'optimise', file, '-o', betterName(file), ...form.fields.flatMap((field) => field.words())].map(shellWord).join(' ');
+/** `fields` have words() and argument(). A straight mesh with a model is curved. */
+function commandLine(file, fields, straight) {
+  const words = fields.flatMap((field) => field.words());
+  const command = straight && words.includes('--geometry') ? 'curve' : 'optimise';
+  return ['varimesh', command, file, '-o', betterName(file), ...words].map(shellWord).join(' ');
 }
 
-function pythonText(file, form) {
+function pythonText(file, fields) {
   const words = [file, betterName(file)].map((name) => JSON.stringify(name));
-  const options = form.fields.flatMap((field) => field.argument());
-  return `import varimesh\n\nresult = varimesh.optimise(${[...words, ...options].join(', ')})\nprint(result)`;
+  return `import varimesh\n\nresult = varimesh.optimise(${[...words, ...fields.flatMap((field) => field.argument())].join(', ')})\nprint(result)`;
 }
 
 /** Text to copy, under a title. */
@@ -35,10 +37,10 @@ function copyable(title, text) {
 }
 
 /** The command and the Python of what the form says; they follow the form. */
-function commandTexts(file, form) {
+function commandTexts(file, form, fields, straight) {
   const place = make('div', {class: 'columns'});
-  const show = () => place.replaceChildren(copyable('In a terminal', commandLine(file, form)), copyable('In Python', pythonText(file, form)));
-  form.onChange(show);
+  const show = () => place.replaceChildren(copyable('In a terminal', commandLine(file, fields, straight)), copyable('In Python', pythonText(file, fields)));
+  form.addEventListener('input', show);
   show();
   return place;
 }

@@ -50,11 +50,11 @@ const uncertifiedOf = ({mesh, after}) => countOf(mesh.elements) - countOf(after?
 
 /** What somebody who uses the mesh should know: whether it is valid, what to try if it is not, and notes. */
 function warnings(job) {
-  const {left, notes = []} = job.metrics;
+  const {left, geometry, notes = []} = job.metrics;
   const isValid = uncertifiedOf(job.metrics) === 0;
   const remedies = (left?.remedies ?? []).map((remedy) => remedy.sentence);
-  const lines = [...(isValid ? [] : remedies), ...notes].filter(Boolean);
-  const sentence = isValid ? 'All elements are certified valid.' : left?.sentence || `Of the elements, ${outcomeOf(job)}.`;
+  const lines = [...(isValid ? [] : remedies), ...notes, ...(geometry?.sentences ?? [])].filter(Boolean);
+  const sentence = isValid ? 'All elements are certified valid.' : left?.sentence || `${outcomeOf(job).replace('elements not', 'elements are not')}.`;
   return make('div', {id: 'verdict'}, make('p', {class: `verdict ${isValid ? 'good' : 'bad'}`}, sentence),
       ...(lines.length ? [make('ul', {class: 'warnings'}, ...lines.map((text) => make('li', {}, text)))] : []));
 }

@@ -55,21 +55,35 @@ async function downloads(job) {
   return make('div', {class: 'controls', id: 'downloads'}, labelled('Format', choice(names, 0, (i) => { chosen = i; })), get);
 }
 
+/** The fields for a CAD model; null if the server takes none for such a mesh. */
+async function geometryFields(job) {
+  const {takesGeometries} = await askFor('info');
+  if (!takesGeometries || job.metrics?.mesh.dimension !== 3) return null;
+  const {geometry} = job.spec;
+  return new GeometryFields(isJudged(job) ? job.metrics.mesh.order === 1 : Boolean(geometry?.order), geometry);
+}
+
 /** The form for a run on this job's mesh, with the options of the last one, and the same for a terminal and Python. */
-async function runForm(job) {
-  const form = await OptionForm.create(job.spec.options);
+async function runForm(job, signal) {
+  const [form, model] = await Promise.all([OptionForm.create(job.spec.options), geometryFields(job)]);
+  signal.throwIfAborted();
+  modelField = model;
   const section = addSection('run', isJudged(job) ? 'Optimise' : 'Run again');
   const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
-  const node = make('form', {}, form.node, make('div', {class: 'controls'}, start));
+  const node = make('form', {}, form.node, ...(model ? [model.node] : []), make('div', {class: 'controls'}, start));
+  const run = async () => {
+    const {format, digest} = job.spec.mesh;
+    const spec = {mesh: {digest, format}, options: form.options(), outputs: ['MESH_FORMAT_UNSPECIFIED', ...PICTURE_FORMATS], labels: {file: fileOf(job)},
+      geometry: await model?.spec()};
+    location.hash = `#/${(await submitSpec(spec)).name}`;
+  };
   node.addEventListener('submit', async (event) => {
     event.preventDefault();
     start.disabled = true;
-    const {format, digest} = job.spec.mesh;
-    const spec = {mesh: {digest, format}, options: form.options(), outputs: ['MESH_FORMAT_UNSPECIFIED', ...PICTURE_FORMATS], labels: {file: fileOf(job)}};
-    await submitSpec(spec).then((made) => { location.hash = `#/${made.name}`; }).catch((error) => tell(error.message, true));
+    await run().catch((error) => tell(error.message, true));
     start.disabled = false;
   });
-  section.append(node, commandTexts(fileOf(job), form));
+  section.append(node, commandTexts(fileOf(job), node, [...form.fields, ...(model ? [model] : [])], Boolean(model?.straight)));
 }
 
 /** Draws the mesh, or both meshes. */
@@ -141,5 +155,5 @@ async function showJob(name, signal) {
       if (error.name !== 'AbortError') picture.append(make('p', {class: 'lost'}, error.message));
     });
   }
-  if (!signal.aborted) await runForm(job);
+  if (!signal.aborted) await runForm(job, signal);
 }

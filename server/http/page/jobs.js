@@ -58,8 +58,17 @@ class JobList {
 async function showJobs(signal) {
   const section = addSection('jobs', 'Jobs');
   const list = new JobList(section, signal);
+  let isLost = false;
   while (!signal.aborted) {
-    if (!document.hidden) await list.show();
+    try {
+      if (!document.hidden) await list.show();
+      if (isLost) tell('');
+      isLost = false;
+    } catch (error) {
+      if (!isPassing(error)) throw error;
+      isLost = true;
+      tell(`${error.message} Trying again …`, true);
+    }
     ready();
     await pause(LIST_EVERY);
   }

@@ -133,8 +133,4 @@ class OptionForm {
   options() {
     return Object.fromEntries(this.fields.map((field) => [field.name, field.value]).filter(([, value]) => value !== undefined));
   }
-
-  onChange(act) {
-    this.node.addEventListener('input', act);
-  }
 }

@@ -1,6 +1,7 @@
 // Builds the page for the address after "#": a place to drop a mesh, the list of jobs, or one job.
 
-const CAD_FILE = /\.(step|stp|iges|igs|brep)$/i;
+/** The field for a CAD model that the page shows now; null: there is none. */
+let modelField = null;
 
 /** A section with a heading, added to the page. */
 function addSection(id, title) {
@@ -26,7 +27,7 @@ function adviseAboutModel(file) {
   const mesh = `${stemOf(file.name)}.msh`;
   document.getElementById('advice').replaceChildren(
       make('p', {}, `${file.name} is a CAD model, which has no elements yet. These commands make a mesh of it, or curve a straight mesh of it; ` +
-          'drop the mesh here then.'),
+          'drop the mesh here then. A model that is dropped beside a mesh becomes the model of the next run.'),
       copyable('Mesh the model', `varimesh mesh ${shellWord(file.name)} --size 5 --order 3 -o ${shellWord(mesh)}`),
       copyable('Curve a straight mesh of the model', `varimesh curve linear.msh --geometry ${shellWord(file.name)} --order 3 -o ${shellWord(mesh)}`));
 }
@@ -34,6 +35,7 @@ function adviseAboutModel(file) {
 /** Sends a mesh to the server and shows it. */
 async function take(file) {
   if (!file) return;
+  if (modelField && CAD_FILE.test(file.name)) return modelField.take(file);
   if (!location.hash.match(/^(#\/?)?$/)) location.hash = '#/';
   if (CAD_FILE.test(file.name)) {
     tell('');
@@ -101,6 +103,7 @@ async function show() {
   looking.abort();
   looking = new AbortController();
   const {signal} = looking;
+  modelField = null;
   document.getElementById('main').replaceChildren();
   delete document.documentElement.dataset.ready;
   const path = location.hash.replace(/^#\/?/, '');
@@ -126,5 +129,6 @@ addEventListener('hashchange', () => {
   takeToken();
   tell('');
   show();
+  document.getElementById('main').focus({preventScroll: true});  // The next Tab leads into what is new.
 });
 show();

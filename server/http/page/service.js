@@ -19,6 +19,9 @@ class Refused extends Error {
   }
 }
 
+/** Whether the same request may be answered later. */
+const isPassing = (error) => error instanceof Refused && (error.code === 0 || error.code === 429 || error.code >= 500);
+
 /** What is done when the server asks for a token. The page sets it. */
 let onTokenNeeded = () => {};
 
@@ -98,12 +101,11 @@ async function follow(name, take, signal) {
         });
       }
     } catch (error) {
-      const isFinal = error instanceof Refused && error.code >= 400 && error.code < 500 && error.code !== 429;
-      if (error.name === 'AbortError' || isFinal) throw error;
+      if (error.name === 'AbortError' || (error instanceof Refused && !isPassing(error))) throw error;
     }
     signal?.throwIfAborted();
     const job = await getJob(name).catch((error) => {
-      if (error.code === 0 || error.code >= 500 || error.code === 429) return null;
+      if (isPassing(error)) return null;
       throw error;
     });
     if (job && hasEnded(job)) return job;

@@ -1,6 +1,7 @@
 """The page of --http in a headless Chromium: a mesh is dropped, looked at, optimised and downloaded there.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import base64
+import hashlib
 import http.client
 import json
 import os
@@ -17,6 +18,7 @@ import browser
 from over_http import WithHttp
 from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, VARIMESHD, run
 
+PLUGIN = Path(os.environ["VARIMESH"]).parent / "libvarimesh_opencascade.so"
 OWN = SOURCE / "server" / "http" / "page"
 FILES = {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript", "/three.js": "text/javascript"}
 
@@ -75,6 +77,14 @@ class WithPage(WithHttp):
     def text(self, selector):
         return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
+    def optimise(self):
+        """Starts the run that the form describes and waits for its whole page."""
+        self.page.click("#run button", "Optimise")
+        self.wait_for_run()
+
+    def wait_for_run(self):
+        self.page.wait("document.querySelector('#state')?.textContent.startsWith('optimise · succeeded') && !!document.querySelector('#run form')", 100)
+
     def wait_for_state(self, state):
         self.page.wait(f"document.querySelector('#state')?.dataset.state === '{state}'")
 
@@ -102,9 +112,7 @@ class Page(WithPage):
         self.assertIn("boundary", self.text("#pictures > .scrolls"))
         self.assertIn("not certified valid", self.text("#verdict"))
 
-        self.page.click("button", "Optimise")
-        self.wait_for_state("succeeded")
-        self.page.wait("!!document.querySelector('#run form') && document.querySelectorAll('#pictures .view').length >= 2")
+        self.optimise()
         views = "document.querySelectorAll('#pictures .view')"
         self.assertEqual(self.page.value(f"[0, 1].map((i) => {views}[i].querySelectorAll('.flagged').length)"), [2, 0])
         self.page.wait("document.querySelectorAll('#job .curve').length === 3")
@@ -181,20 +189,23 @@ class Page(WithPage):
         self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
         self.check_clean()
 
+    def tab_to(self, wanted):
+        """Presses Tab until the element with this text or id has the focus. Returns the texts and ids of all on the way."""
+        reached = []
+        while len(reached) < 80 and wanted not in reached:
+            self.page.press("Tab", 9)
+            reached.append(self.page.value("(() => { const one = document.activeElement; return one.textContent.trim().slice(0, 30) || one.id; })()"))
+        self.assertIn(wanted, reached)
+        return reached
+
     def test_only_by_keyboard(self):
         self.open()
+        self.assertIn("Jobs", self.tab_to("file"))
         self.look_at(MESH)
-        reached = []
-        for _ in range(80):
-            self.page.press("Tab", 9)
-            at = self.page.value("(() => { const one = document.activeElement; return one.textContent.trim().slice(0, 30) || one.id; })()")
-            reached.append(at)
-            if at == "Optimise":
-                break
-        self.assertIn("Jobs", reached)
-        self.assertIn("option-timeLimit", reached)
+        self.assertIn("option-timeLimit", self.tab_to("Optimise"))
         self.page.press("Enter", 13, "\r")
-        self.wait_for_state("succeeded")
+        self.wait_for_run()
+        self.tab_to("Download")
         self.check_clean()
 
     def test_a_cad_model_gets_the_commands_for_it(self):
@@ -229,6 +240,43 @@ class Page(WithPage):
         self.open("/#/jobs")
         self.page.wait("!!document.querySelector('#jobs tbody tr')")
         self.assertEqual(self.page.value("document.documentElement.scrollWidth"), 390)
+        self.check_clean()
+
+
+class Models(WithPage):
+    """CAD models, on a server that takes them."""
+
+    def setUp(self):
+        if not PLUGIN.exists():
+            print("SKIPPED: there is no plugin that reads CAD files")
+            sys.exit(77)
+        os.environ["VARIMESH_OPENCASCADE"] = str(PLUGIN)
+        self.addCleanup(os.environ.pop, "VARIMESH_OPENCASCADE")
+        super().setUp()
+
+    def test_a_model_dropped_beside_a_mesh_is_what_its_boundary_slides_on(self):
+        self.open()
+        self.look_at(CASES / "geometry" / "bracket_p3.msh")
+        self.assertNotIn("--geometry", self.text("#run pre"))
+        self.page.drop_file(CASES / "geometry" / "bracket.step")
+        self.page.wait("document.querySelector('#run pre').textContent.includes('--geometry bracket.step')")
+        self.optimise()
+        self.assertIn("slid", self.text("#verdict"))
+        job = self.ask("GET", "/v1/jobs?states=JOB_STATE_SUCCEEDED", headers={})[1]["jobs"][0]
+        model = (CASES / "geometry" / "bracket.step").read_bytes()
+        self.assertEqual(job["spec"]["geometry"]["digest"], hashlib.sha256(model).hexdigest())
+        self.check_clean()
+
+    def test_a_straight_mesh_is_curved_with_a_model(self):
+        straight = self.folder / "straight.msh"
+        self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
+        self.open()
+        self.look_at(straight)
+        self.page.choose_file("#model", CASES / "geometry" / "bracket.step")
+        self.page.value("(() => { const one = document.querySelector('#model-order'); one.value = 2; one.dispatchEvent(new Event('input', {bubbles: true})); })()")
+        self.assertIn("varimesh curve straight.msh -o straight-better.msh --geometry bracket.step --order 2", self.text("#run pre"))
+        self.optimise()
+        self.assertIn("of order 2", self.text("#job .tiles"))
         self.check_clean()
 
 

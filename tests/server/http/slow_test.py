@@ -120,6 +120,39 @@ class Slow(WithHttp):
             time.sleep(0.5)
 
 
+    def test_readers_of_the_page(self):
+        """Nobody has to say who they are for the page's files. Whoever takes them slowly is given up soon."""
+        host, port = self.http.rsplit(":", 1)
+        slow = []
+        self.addCleanup(lambda: [one.close() for one in slow])
+        for _ in range(60):  # more than there are threads
+            one = socket.socket()
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            one.connect((host, int(port)))
+            one.sendall(b"GET /three.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            slow.append(one)
+        ends = time.monotonic() + 30
+
+        def trickle():
+            while time.monotonic() < ends and slow:
+                for one in list(slow):
+                    try:
+                        one.recv(1024, socket.MSG_DONTWAIT)
+                    except OSError:
+                        pass
+                time.sleep(0.2)
+
+        reader = threading.Thread(target=trickle)
+        reader.start()
+        time.sleep(0.5)
+        begun = time.monotonic()
+        self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
+        took = time.monotonic() - begun
+        ends = 0
+        reader.join()
+        self.assertLess(took, 15)
+
+
 class Stopping(WithHttp):
     """A server that stops waits for no client."""
 
