@@ -4,6 +4,7 @@
 #include <grpcpp/support/byte_buffer.h>
 
 #include <algorithm>
+#include <chrono>
 #include <string_view>
 
 #include "server/access/rights.h"
@@ -59,12 +60,14 @@ class Counter : public grpc::experimental::Interceptor {
         methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_MESSAGE))
       metrics_.count_bytes(false, carrier_->sent(methods->GetSendMessage()));
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS))
-      metrics_.count_call(call_->method(), methods->GetSendStatus().error_code());
+      metrics_.count_call(call_->method(), methods->GetSendStatus().error_code(),
+                          std::chrono::steady_clock::now() - began_);
     methods->Proceed();
   }
 
  private:
   ServerRpcInfo* const call_;
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   const Carrier* carrier_ = nullptr;
   Metrics& metrics_;
 };

@@ -37,6 +37,13 @@ Family<Counter>& counters(Registry& registry, const std::string& name, const std
 /// From a tenth of a second to a day.
 const Histogram::BucketBoundaries kRunSeconds{0.1, 0.3, 1, 3, 10, 30, 60, 300, 1800, 3600, 4 * 3600, 24 * 3600};
 
+/// From a millisecond to a minute. Watches and other streams take longer.
+const Histogram::BucketBoundaries kCallSeconds{0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 60};
+
+Family<Histogram>& histograms(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildHistogram().Name(name).Help(help).Register(registry);
+}
+
 constexpr std::array kCodes{
     "OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
     "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
@@ -64,9 +71,10 @@ double open_descriptors() {
   return error ? 0 : count;
 }
 
-double processor_seconds() {
+/// RUSAGE_SELF: of this process; RUSAGE_CHILDREN: of its processes that have ended.
+double processor_seconds(int whose) {
   rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
+  ::getrusage(whose, &usage);
   const auto seconds = [](const timeval& time) { return static_cast<double>(time.tv_sec) + 1e-6 * time.tv_usec; };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
@@ -82,10 +90,11 @@ struct Metrics::Families {
   Family<Gauge>& oldest =
       gauges(registry, "varimesh_queue_oldest_age_seconds", "Age of the job that has waited longest.");
   Counter& submitted = counters(registry, "varimesh_jobs_submitted_total", "Jobs that were accepted.").Add({});
-  Family<Histogram>& run_seconds = prometheus::BuildHistogram()
-                                       .Name("varimesh_job_run_seconds")
-                                       .Help("Run times of the last attempts of jobs, by how the jobs ended.")
-                                       .Register(registry);
+  Family<Histogram>& run_seconds = histograms(registry, "varimesh_job_run_seconds",
+                                              "Run times of the last attempts of jobs, by how the jobs ended.");
+  Histogram& wait_seconds = histograms(registry, "varimesh_job_wait_seconds",
+                                       "Times from the submission of jobs until their last attempts began.")
+                                .Add({}, kRunSeconds);
   Counter& lost =
       counters(registry, "varimesh_jobs_lost_total", "Jobs that were taken back from a server that was lost.").Add({});
   Counter& kernel_operations = counters(registry, "varimesh_kernel_operations_total",
@@ -102,6 +111,10 @@ struct Metrics::Families {
   Gauge& resident = gauges(registry, "process_resident_memory_bytes", "Resident memory.").Add({});
   Gauge& descriptors = gauges(registry, "process_open_fds", "Open descriptors.").Add({});
   Gauge& most_descriptors = gauges(registry, "process_max_fds", "The limit of open descriptors.").Add({});
+  Family<Histogram>& handling = histograms(registry, "grpc_server_handling_seconds", "How long calls took.");
+  Counter& workers = counters(registry, "varimesh_worker_cpu_seconds_total",
+                              "Processor time of the processes of jobs that have ended.")
+                         .Add({});
   Counter& processor = counters(registry, "process_cpu_seconds_total", "Processor time.").Add({});
 };
 
@@ -118,10 +131,13 @@ bool Metrics::available() { return true; }
 void Metrics::count_submission() { families_->submitted.Increment(); }
 
 void Metrics::count_end(const v1::Job& job) {
-  double seconds = 0;
-  if (job.has_start_time())
-    seconds = std::chrono::duration<double>(time_point(job.end_time()) - time_point(job.start_time())).count();
-  families_->run_seconds.Add({{"outcome", outcome_of(job.state())}}, kRunSeconds).Observe(std::max(0.0, seconds));
+  const auto seconds = [](const auto& from, const auto& to) {
+    return std::max(0.0, std::chrono::duration<double>(time_point(to) - time_point(from)).count());
+  };
+  const auto& began = job.has_start_time() ? job.start_time() : job.end_time();
+  families_->run_seconds.Add({{"outcome", outcome_of(job.state())}}, kRunSeconds)
+      .Observe(seconds(began, job.end_time()));
+  families_->wait_seconds.Observe(seconds(job.create_time(), began));
 }
 
 void Metrics::count_loss() { families_->lost.Increment(); }
@@ -135,15 +151,14 @@ void Metrics::count_bytes(bool sent_by_client, std::int64_t bytes) {
   (sent_by_client ? families_->bytes_in : families_->bytes_out).Increment(static_cast<double>(bytes));
 }
 
-void Metrics::count_call(std::string_view method, int code) {
+void Metrics::count_call(std::string_view method, int code, std::chrono::duration<double> took) {
   const auto slash = method.rfind('/');
   if (slash == std::string_view::npos || slash == 0) return;
   const bool is_known = code >= 0 && code < static_cast<int>(kCodes.size());
-  families_->handled
-      .Add({{"grpc_service", std::string(method.substr(1, slash - 1))},
-            {"grpc_method", std::string(method.substr(slash + 1))},
-            {"grpc_code", is_known ? kCodes[static_cast<std::size_t>(code)] : "UNKNOWN"}})
-      .Increment();
+  const std::string service(method.substr(1, slash - 1)), name(method.substr(slash + 1));
+  const char* const ended = is_known ? kCodes[static_cast<std::size_t>(code)] : "UNKNOWN";
+  families_->handled.Add({{"grpc_service", service}, {"grpc_method", name}, {"grpc_code", ended}}).Increment();
+  families_->handling.Add({{"grpc_service", service}, {"grpc_method", name}}, kCallSeconds).Observe(took.count());
 }
 
 std::string Metrics::text(const Gauges& now) {
@@ -157,7 +172,8 @@ std::string Metrics::text(const Gauges& now) {
   all.descriptors.Set(open_descriptors());
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) all.most_descriptors.Set(static_cast<double>(limit.rlim_cur));
-  all.processor.Increment(std::max(0.0, processor_seconds() - all.processor.Value()));
+  all.processor.Increment(std::max(0.0, processor_seconds(RUSAGE_SELF) - all.processor.Value()));
+  all.workers.Increment(std::max(0.0, processor_seconds(RUSAGE_CHILDREN) - all.workers.Value()));
   return prometheus::TextSerializer().Serialize(all.registry.Collect());
 }
 

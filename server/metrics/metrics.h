@@ -28,6 +28,9 @@ struct Gauges {
 ///   varimesh_queue_oldest_age_seconds                     age of the job that has waited longest; 0: none waits
 ///   varimesh_jobs_submitted_total                         jobs that were accepted
 ///   varimesh_job_run_seconds{outcome}                     histogram: run times of the last attempts, by how jobs ended
+///   varimesh_job_wait_seconds                             histogram: from submission until the last attempt began, or
+///                                                         until the job ended without one
+///   varimesh_worker_cpu_seconds_total                     processor time of the processes of jobs that have ended
 ///   varimesh_jobs_lost_total                              jobs that were taken back from a server that was lost
 ///   varimesh_kernel_operations_total                      floating-point operations of the kernels of the energy, its
 ///                                                         gradient and its Hessian (core/kernels/operations.h)
@@ -36,6 +39,7 @@ struct Gauges {
 ///                                                         ("out")
 ///   varimesh_store_bytes                                  bytes of all meshes and results, from the server that sweeps
 ///   grpc_server_handled_total{grpc_service,grpc_method,grpc_code}   calls, by how they ended
+///   grpc_server_handling_seconds{grpc_service,grpc_method}          histogram: how long calls took
 ///   process_resident_memory_bytes, process_open_fds, process_max_fds, process_cpu_seconds_total
 ///
 /// Counters begin at 0 with the process. Thread-safe. In a build without prometheus-cpp nothing is counted.
@@ -58,8 +62,9 @@ class Metrics {
   void count_kernels(double operations, double seconds);
   /// Counts bytes of meshes that clients have sent or got.
   void count_bytes(bool sent_by_client, std::int64_t bytes);
-  /// Counts a call, such as "/varimesh.v1.JobService/GetJob". `code`: gRPC's status code.
-  void count_call(std::string_view method, int code);
+  /// Counts a call, such as "/varimesh.v1.JobService/GetJob". `code`: gRPC's status code; `took`: until the status was
+  /// sent.
+  void count_call(std::string_view method, int code, std::chrono::duration<double> took);
   /// The text format of Prometheus, version 0.0.4. Empty if this build cannot count.
   std::string text(const Gauges& now);
 

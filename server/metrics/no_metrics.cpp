@@ -13,7 +13,7 @@ void Metrics::count_end(const v1::Job&) {}
 void Metrics::count_loss() {}
 void Metrics::count_kernels(double, double) {}
 void Metrics::count_bytes(bool, std::int64_t) {}
-void Metrics::count_call(std::string_view, int) {}
+void Metrics::count_call(std::string_view, int, std::chrono::duration<double>) {}
 std::string Metrics::text(const Gauges&) { return {}; }
 
 }  // namespace varimesh::server

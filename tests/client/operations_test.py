@@ -111,6 +111,13 @@ class Metrics(WithFolder):
         self.assertEqual(now["varimesh_jobs_submitted_total"], 3)
         self.assertEqual(now['varimesh_job_run_seconds_count{outcome="succeeded"}'], 1)
         self.assertEqual(now["varimesh_jobs_lost_total"], 0)
+        self.assertEqual(now["varimesh_job_wait_seconds_count"], 1)
+        self.assertLess(now["varimesh_job_wait_seconds_sum"], 20)
+        self.assertEqual(before["varimesh_worker_cpu_seconds_total"], 0)
+        self.assertTrue(0 < now["varimesh_worker_cpu_seconds_total"] < 20)
+        handled = 'grpc_server_handling_seconds_%s{grpc_method="CancelJob",grpc_service="varimesh.v1.JobService"}'
+        self.assertEqual(now[handled % "count"], 1)
+        self.assertTrue(0 < now[handled % "sum"] < 20)
         # The processes of the jobs have told what their kernels did.
         self.assertEqual(before["varimesh_kernel_operations_total"], 0)
         self.assertGreater(now["varimesh_kernel_operations_total"], 1e5)
