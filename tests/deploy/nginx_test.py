@@ -116,7 +116,16 @@ class Nginx(WithFolder):
         self.assertIn(b"JOB_STATE_SUCCEEDED", events)
         code, result = self.ask("GET", f"/v1/{job}/result", **known)
         self.assertEqual((code, self.ask("GET", f"/v1/{job}/result", **known, Range="bytes=-9")[1]), (200, result[-9:]))
-        self.assertEqual(self.ask("GET", "/v1/info", **known, Origin="https://evil.example")[0], 403)
+        own = f"https://localhost:{self.port}"
+        for origin, code in ((own, 200), ("https://evil.example", 403), ("null", 403), (own + ".evil.example", 403), (own.replace("https", "http"), 403),
+                             ("http://127.0.0.1", 403)):
+            self.assertEqual(self.ask("GET", "/v1/info", **known, Origin=origin)[0], code, origin)
+        self.assertEqual(self.ask("POST", "/v1/jobs?validateOnly=true", "{}", **known, Origin=own, **{"Content-Type": "application/json"})[0], 400)
+        self.assertEqual(self.ask("GET", "/v1/info", **known, **{"Sec-Fetch-Site": "cross-site"})[0], 403)
+        for path in ("/", "/page.js", "/page.css", "/three.js"):
+            self.assertEqual(self.ask("GET", path)[0], 200, path)
+        self.assertIn(b"<title>VariMesh</title>", self.ask("GET", "/")[1])
+        self.assertEqual(self.ask("GET", "/other")[0], 404)
         self.assertEqual(self.ask("GET", "/v1/jobs/%2e%2e%2fother")[0], 404)
 
     def test_jobs_go_through_it(self):
