@@ -59,6 +59,7 @@ class Runs {
     if (!first) return tl::unexpected(first.error());
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
+    best_slide_ = geometry_.slide;
     is_first_ = false;
     // Refining helps sooner than the other ways to slide, but adds elements.
     const bool is_in_haste = refines_ && options_.time_limit > 0;
@@ -70,10 +71,7 @@ class Runs {
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
     if (!is_only_run && is_in_haste) try_others();
-    if (refinement_) {
-      tell(*refinement_);
-      if (best_.slid) best_.slid->slid.sentences.push_back(*refinement_);
-    }
+    tell_of_refining();
     best_.result.stopped = best_.result.stopped || is_stopped_;
     // Nodes have slid, so nobody need be told to let them.
     if (!is_only_run)
@@ -83,6 +81,19 @@ class Runs {
   }
 
  private:
+  /// What refining has done to the mesh that is taken, and whether it might have gone on.
+  void tell_of_refining() {
+    std::vector<std::string> sentences;
+    if (refinement_) sentences.push_back(*refinement_);
+    if (is_full_ && left(best_.result) > 0)
+      sentences.push_back("Refining has ended because the mesh may have at most " + std::to_string(most_cells()) +
+                          " elements; with a larger refine_growth it may go on.");
+    for (const std::string& sentence : sentences) {
+      tell(sentence);
+      if (best_.slid) best_.slid->slid.sentences.push_back(sentence);
+    }
+  }
+
   struct Run {
     Result result;
     std::optional<SlidAndMeasured> slid;
@@ -122,6 +133,7 @@ class Runs {
       tell_sentences(other->slid, best_.slid);
       best_.result = std::move(other->result);
       best_.slid = std::move(other->slid);
+      best_slide_ = slide;
       refinement_.reset();
     }
     best_.trials.push_back(std::move(trial));
@@ -161,10 +173,12 @@ class Runs {
   }
   bool may_have(const HighOrderMesh& mesh) const { return mesh.element_count(mesh.dimension) <= most_cells(); }
 
-  /// Lets the same run split edges and faces inside the mesh, which adds fewer elements where it helps.
+  /// Lets the same run split edges and faces inside the mesh, which adds fewer elements where it helps. If all nodes
+  /// have moved together, it goes on from there: few elements are left then, and sliding anew would leave many.
   void split_inside() {
     if (mesh_.dimension != 3 || !may_go_on()) return;
-    auto split = run(mesh_, geometry_.slide, kMostShareBeforeRefining);
+    auto split = best_slide_ == SlideOn::Coupled ? run(best_.result.mesh, SlideOn::None, kMostShareBeforeRefining, true)
+                                                 : run(mesh_, geometry_.slide, kMostShareBeforeRefining);
     if (!split || split->cut_short != StopToken::Reason::None) return;
     is_stopped_ = split->result.stopped;
     if (!is_stopped_ && may_have(split->result.mesh) &&
@@ -198,6 +212,7 @@ class Runs {
       take_refined(std::move(*other));
       refinement_ = refinement.sentence(came, mesh.element_count(mesh.dimension));
     }
+    is_full_ = refinement.is_full;
   }
 
   /// The best mesh so far gives way to one that was made from it. What is said about the mesh as it came stays.
@@ -206,6 +221,9 @@ class Runs {
     if (other.slid && best_.slid) {
       other.slid->slid.sentences = std::move(best_.slid->slid.sentences);
       other.slid->slid.straight_elements = best_.slid->slid.straight_elements;
+      const SlideReport now = std::exchange(other.slid->slid.report, best_.slid->slid.report);
+      other.slid->slid.report.after = now.after;
+      other.slid->slid.report.folded_after = now.folded_after;
       best_.slid = std::move(other.slid);
     }
     best_.result = std::move(other.result);
@@ -226,7 +244,9 @@ class Runs {
       return std::nullopt;
     }
     const bool is_free = geometry_.slide == SlideOn::Auto || geometry_.slide == SlideOn::Coupled;
-    auto done = run(mesh, is_free ? SlideOn::All : geometry_.slide, kMostShare, true);
+    // Where all nodes have moved together, the boundary bends to make room. Sliding would take this room away.
+    const SlideOn slide = best_slide_ == SlideOn::Coupled ? SlideOn::None : is_free ? SlideOn::All : geometry_.slide;
+    auto done = run(mesh, slide, kMostShare, true);
     return done ? std::optional(std::move(*done)) : std::nullopt;
   }
 
@@ -338,8 +358,10 @@ class Runs {
   const OnGeometryHooks& hooks_;
   CheckpointsOfRuns checkpoints_;
   ResultOnGeometry best_;
+  SlideOn best_slide_ = SlideOn::None;  ///< How its nodes have slid.
   bool is_first_ = true;
   std::optional<std::string> refinement_;  ///< What has refined the best mesh, in a sentence.
+  bool is_full_ = false;                   ///< Refining would have split more, but the mesh may not grow so far.
   int iterations_ = 0;                     ///< Of all runs so far,
   const Stopwatch& watch_;                 ///< and their seconds:
   double spent_;                           ///< those before them, and what they say themselves.

@@ -1,6 +1,7 @@
 """Plane meshes and their CAD profiles: aerofoils with layers, from one command. Skipped, with a word, without Gmsh's Python
 module or without the plugin that reads CAD files."""
 import json
+import math
 import subprocess
 import sys
 import unittest
@@ -96,6 +97,15 @@ occ.synchronize()
 gmsh.write(sys.argv[1])
 """
 
+DISC = """
+import sys, gmsh
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.model.occ.addDisk(0, 0, 0, 1, 1)
+gmsh.model.occ.synchronize()
+gmsh.write(sys.argv[1])
+"""
+
 
 def python(script, *arguments):
     return subprocess.run([PYTHON, "-c", script, *map(str, arguments)], check=True, capture_output=True, text=True).stdout
@@ -141,6 +151,27 @@ class Profile(WithFolder):
             done = run("optimise", self.out, "--geometry", model, "-o", slid)
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("2 curves lie in the plane of the mesh", done.stderr)
+
+    def test_a_triangle_with_two_edges_on_a_circle_is_refined(self):
+        # A disc of nine straight edges. One triangle has two of them, which meet at 180 degrees when they are curved.
+        places = [(math.cos(math.tau * i / 9), math.sin(math.tau * i / 9)) for i in range(9)] + [(0, 0)]
+        cells = [(1, 2, 3), (10, 1, 3)] + [(10, i, i % 9 + 1) for i in range(3, 10)]
+        mesh, model = self.folder / "disc.msh", self.folder / "disc.brep"
+        mesh.write_text("\n".join(
+            ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", "10", *(f"{k} {x} {y} 0" for k, (x, y) in enumerate(places, 1)),
+             "$EndNodes", "$Elements", "18", *(f"{i} 1 2 1 1 {i} {i % 9 + 1}" for i in range(1, 10)),
+             *(f"{k} 2 2 2 1 {a} {b} {c}" for k, (a, b, c) in enumerate(cells, 10)), "$EndElements", ""]))
+        python(DISC, model)
+        for order in (3, 4):
+            self.out.unlink(missing_ok=True)
+            done = run("curve", mesh, "--geometry", model, "--order", order, "-o", self.out)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("Refining split 1 edge of the model; the mesh has 2 more elements than the 9", done.stderr)
+            count, valid = certified(done.stdout)
+            self.assertEqual((count, valid), (11, 11))
+        done = run("curve", mesh, "--geometry", model, "--order", 3, "--repair", "refine", "--refine-growth", 1.1, "-o", self.out)
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertIn("the mesh may have at most 9 elements", done.stderr)
 
     def test_a_profile_of_another_plane_is_refused(self):
         flat, turned = self.folder / "flat.step", self.folder / "turned.step"
