@@ -102,6 +102,15 @@ std::string make_token(const std::string& program, const std::filesystem::path& 
   return end.way == ProgramEnd::Way::Exited && end.status == 0 && is_token(token) ? token : "";
 }
 
+/// A script that runs a server, and ends it when it is told to or when this command is gone, even if it was killed. $1 is the process
+/// of this command, and the other arguments are the server's command line.
+constexpr const char* kKeeper = R"(command=$1; shift
+"$@" & server=$!
+trap 'kill "$server" 2>/dev/null' TERM INT HUP
+while kill -0 "$command" 2>/dev/null && kill -0 "$server" 2>/dev/null; do sleep 0.5; done
+kill "$server" 2>/dev/null
+wait "$server")";
+
 /// Runs a server until it is interrupted.
 int serve(const UiFlags& flags) {
   std::string program = find_helper("varimeshd", "VARIMESHD");
@@ -118,9 +127,17 @@ int serve(const UiFlags& flags) {
   const std::string token = make_token(program, folder.path());
   if (token.empty())
     return print_error({Error::Kind::Internal, program + " made no token for the page; run 'varimesh doctor'."});
-  std::vector<std::string> arguments{"--listen", "unix:" + (folder.path() / "socket").string(),
-                                     "--http",   "127.0.0.1:0",
-                                     "--tokens", (folder.path() / "tokens").string()};
+  std::vector<std::string> arguments{"-c",
+                                     kKeeper,
+                                     "varimeshd",
+                                     std::to_string(::getpid()),
+                                     program,
+                                     "--listen",
+                                     "unix:" + (folder.path() / "socket").string(),
+                                     "--http",
+                                     "127.0.0.1:0",
+                                     "--tokens",
+                                     (folder.path() / "tokens").string()};
   if (!flags.state.empty()) arguments.insert(arguments.end(), {"--state", flags.state});
   const auto log = folder.path() / "log";
   bool is_open = false;
@@ -138,7 +155,7 @@ int serve(const UiFlags& flags) {
               << (flags.state.empty() ? ", and its jobs with it." : ".") << std::endl;
     if (!flags.only_prints) open_browser(address, folder.path());
   };
-  const ProgramEnd end = run_program(program, arguments, log, meanwhile);
+  run_program("/bin/sh", arguments, log, meanwhile);
   if (interrupted()) return kDone;
   return print_error({Error::Kind::Internal, "The server of the page has ended: " + text_of(log)});
 }

@@ -42,6 +42,19 @@ class Ui(WithFolder):
         with self.assertRaises(urllib.error.URLError):
             urllib.request.urlopen(address, timeout=20)
 
+    def test_its_server_ends_with_it_even_if_it_is_killed(self):
+        address, _ = self.start("--only-print", TMPDIR=str(self.folder))
+        self.process.kill()
+        self.process.wait(20)
+        deadline = time.monotonic() + 30
+        while True:
+            try:
+                urllib.request.urlopen(address, timeout=20)
+            except OSError:
+                break
+            self.assertLess(time.monotonic(), deadline, "the server is still there")
+            time.sleep(0.1)
+
     def test_gives_the_browser_the_token_in_a_file(self):
         opener = self.folder / "xdg-open"
         opener.write_text(f'#!/bin/sh\necho "$@" > {self.folder}/arguments\nstat -c %a "$1" > {self.folder}/mode\ncat "$1" > {self.folder}/opened.part\n'
