@@ -102,8 +102,8 @@ std::string make_token(const std::string& program, const std::filesystem::path& 
   return end.way == ProgramEnd::Way::Exited && end.status == 0 && is_token(token) ? token : "";
 }
 
-/// A script that runs a server, and ends it when it is told to or when this command is gone, even if it was killed. $1 is the process
-/// of this command, and the other arguments are the server's command line.
+/// A script that runs a server, and ends it when it is told to or when this command is gone, even if it was killed. $1
+/// is the process of this command, and the other arguments are the server's command line.
 constexpr const char* kKeeper = R"(command=$1; shift
 "$@" & server=$!
 trap 'kill "$server" 2>/dev/null' TERM INT HUP

@@ -35,6 +35,7 @@ class Progress {
   draw() {
     if (!this.history.iteration.length) return;
     this.drawn = Date.now();
+    this.curves.style.minHeight = `${this.curves.offsetHeight}px`;  // So that what stands below does not move.
     this.curves.replaceChildren();
     convergence(this.curves, this.history);
   }
