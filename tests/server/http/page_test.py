@@ -1,25 +1,20 @@
 """The page of --http in a headless Chromium: a mesh is dropped, looked at, optimised and downloaded there.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
-import base64
 import hashlib
 import http.client
 import json
 import os
 import re
 import subprocess
-import sys
 import time
 import unittest
 from pathlib import Path
 
-SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
-sys.path.insert(0, str(SOURCE / "tests" / "pages"))
-import browser
 from over_http import WithHttp
 from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, VARIMESHD, run
+from with_page import WithPage
 
 PLUGIN = Path(os.environ["VARIMESH"]).parent / "libvarimesh_opencascade.so"
-OWN = SOURCE / "server" / "http" / "page"
 FILES = {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript", "/three.js": "text/javascript"}
 
 
@@ -54,52 +49,6 @@ class Files(WithHttp):
         self.assertEqual(self.fetch("/", **{"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"})[0], 200)
         for host in ("evil.example", "127.0.0.1.evil.example", "10.0.0.1"):
             self.assertEqual(self.fetch("/", Host=host)[0], 421, host)
-
-
-class WithPage(WithHttp):
-    def setUp(self):
-        if browser.find() is None:
-            print("SKIPPED: there is no chromium to open the page with")
-            sys.exit(77)
-        super().setUp()
-        self.page = browser.Page()
-        self.addCleanup(self.page.close)
-        self.page.save_downloads(self.folder)
-
-    def open(self, path="/"):
-        self.page.open(f"http://{self.http}{path}")
-
-    def look_at(self, mesh):
-        """Drops a mesh on the page and waits for its picture and the form."""
-        self.page.drop_file(mesh)
-        self.page.wait("!!document.querySelector('#pictures table') && !!document.querySelector('#run form')")
-
-    def text(self, selector):
-        return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
-
-    def optimise(self):
-        """Starts the run that the form describes and waits for its whole page."""
-        self.page.click("#run button", "Optimise")
-        self.wait_for_run()
-
-    def wait_for_run(self):
-        self.page.wait("document.querySelector('#state')?.textContent.startsWith('optimise · succeeded') && !!document.querySelector('#run form')", 100)
-
-    def wait_for_state(self, state):
-        self.page.wait(f"document.querySelector('#state')?.dataset.state === '{state}'")
-
-    def downloaded(self, name):
-        file = self.folder / name
-        deadline = time.monotonic() + 30
-        while not file.exists():
-            self.assertLess(time.monotonic(), deadline, os.listdir(self.folder))
-            time.sleep(0.02)
-        return file.read_bytes()
-
-    def check_clean(self):
-        self.assertEqual(self.page.errors, [])
-        asked = {one for one in self.page.requests if not one.startswith((f"http://{self.http}/", "blob:", "data:", "about:"))}
-        self.assertEqual(asked, set(), "everything comes from this server")
 
 
 class Page(WithPage):
@@ -246,10 +195,11 @@ class Page(WithPage):
 class Models(WithPage):
     """CAD models, on a server that takes them."""
 
+    @classmethod
+    def missing(cls):
+        return "" if PLUGIN.exists() else "there is no plugin that reads CAD files"
+
     def setUp(self):
-        if not PLUGIN.exists():
-            print("SKIPPED: there is no plugin that reads CAD files")
-            sys.exit(77)
         os.environ["VARIMESH_OPENCASCADE"] = str(PLUGIN)
         self.addCleanup(os.environ.pop, "VARIMESH_OPENCASCADE")
         super().setUp()
@@ -304,61 +254,39 @@ class Tokens(WithPage):
         self.page.wait("document.querySelector('#jobs')?.textContent.includes('no such jobs')")
 
 
-class Scenes(WithPage):
-    """How the page reads meshes of the server and finds the nodes on the sides of cells."""
+class Accessibility(WithPage):
+    """axe-core finds no fault. It is not here: VARIMESH_AXE names its axe.min.js (npm pack axe-core)."""
+
+    @classmethod
+    def missing(cls):
+        return "" if os.environ.get("VARIMESH_AXE") else "VARIMESH_AXE does not name the file axe.min.js of axe-core (npm pack axe-core)"
 
     def setUp(self):
         super().setUp()
-        names = ("wire.js", "shapes.js", "mesh_cells.js", "scene_2d.js")
-        self.page.value("\n".join((OWN / name).read_text() for name in names) + "; 1")
+        self.axe = Path(os.environ["VARIMESH_AXE"]).read_text()
 
-    def result(self, job, format):
-        connection = http.client.HTTPConnection(self.http, timeout=20)
-        self.addCleanup(connection.close)
-        connection.request("GET", f"/v1/{job}/result?format={format}")
-        return connection.getresponse().read()
+    def check(self):
+        self.page.value(self.axe + "; 1")
+        faults = self.page.value("axe.run().then((found) => found.violations.map((one) => [one.impact, one.help, one.nodes.map((node) => node.html)]))")
+        self.assertEqual(faults, [])
 
-    def test_cells_that_share_a_side_have_the_same_nodes_on_it(self):
-        published = CASES / "published"
-        for mesh in (MESH, CASES / "aerofoil_p4.msh", CASES / "sphere_p3.msh", published / "palace__cylinder_hex.msh",
-                     published / "palace__cylinder_prism.msh", published / "nektar__cube_tet_p6_v40_parametric.msh"):
-            job = "jobs/" + self.submit(mesh, "--output-format", "parts", "--output-format", "cell-quality", "--max-iterations", "0")
-            self.wait(job.removeprefix("jobs/"), "JOB_STATE_SUCCEEDED")
-            parts, quality = (base64.b64encode(self.result(job, f"MESH_FORMAT_{one}")).decode() for one in ("PARTS", "CELL_QUALITY"))
-            shared, wrong = self.page.value(f"""(() => {{
-                const bytes = (text) => Uint8Array.from(atob(text), (one) => one.charCodeAt(0));
-                const cells = new MeshCells(readMesh(bytes('{parts}')), readQuality(bytes('{quality}')));
-                const {{first, opposite}} = joinSides(cells);
-                const nodes = [];
-                for (let cell = 0; cell < cells.count; ++cell)
-                  for (const side of sideNodes(cells.shapes[cell], cells.mesh.order))
-                    nodes.push(side.map((local) => cells.node(cell, local)).sort((a, b) => a - b).join());
-                const pairs = [...opposite.keys()].filter((side) => opposite[side] >= 0);
-                return [pairs.length, pairs.filter((side) => nodes[side] !== nodes[opposite[side]]).length];
-              }})()""")
-            self.assertGreater(shared, 0, mesh.name)
-            self.assertEqual(wrong, 0, mesh.name)
-
-    def test_lattices_have_all_nodes(self):
-        for shape, counts in ((3, (3, 6, 10, 15, 21)), (4, (4, 9, 16, 25, 36)), (5, (4, 10, 20, 35, 56)), (6, (5, 14, 30, 55, 91)),
-                              (7, (6, 18, 40, 75, 126)), (8, (8, 27, 64, 125, 216))):
-            for order, count in enumerate(counts, 1):
-                self.assertEqual(self.page.value(f"new Set(latticeOf({shape}, {order}).map(String)).size"), count, (shape, order))
-                self.assertTrue(self.page.value(f"sideNodes({shape}, {order}).flat().every((node) => node >= 0)"), (shape, order))
-
-    def test_weights_reproduce_polynomials_of_the_order(self):
-        for corners, power in ((3, "(x + y / 2) ** order"), (4, "(x * y + x / 2) ** order")):
-            worst = self.page.value(f"""Math.max(...[1, 2, 3, 4].map((order) => {{
-                const points = (steps) => {{
-                  const all = [];
-                  for (let j = 0; j <= steps; ++j) for (let i = 0; i <= ({corners} === 3 ? steps - j : steps); ++i) all.push([i / steps, j / steps]);
-                  return all;
-                }};
-                const f = ([x, y]) => (1 + x) ** order - 2 * {power};
-                const [nodes, fine] = [points(order).map(f), points(7).map(f)];
-                return Math.max(...faceWeights({corners}, order, 7).map((row, k) => Math.abs(row.reduce((sum, w, i) => sum + w * nodes[i], 0) - fine[k])));
-              }}))""")
-            self.assertLess(worst, 1e-11, corners)
+    def test_of_all_views(self):
+        self.open()
+        self.check()
+        for mesh in (MESH, CASES / "sphere_p3.msh"):
+            self.open()
+            self.look_at(mesh)
+            self.page.value("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+            self.check()
+            self.optimise()
+            for dark in (True, False):
+                self.page.look(1280, 900, dark)
+                self.check()
+        self.open("/#/jobs")
+        self.page.wait("!!document.querySelector('#jobs tbody tr')")
+        for width in (1280, 390):
+            self.page.look(width, 900)
+            self.check()
 
 
 if __name__ == "__main__":

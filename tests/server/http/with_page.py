@@ -1,0 +1,64 @@
+"""What the tests of the page of --http share: a server and a headless Chromium."""
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
+sys.path.insert(0, str(SOURCE / "tests" / "pages"))
+import browser
+from over_http import WithHttp
+
+
+class WithPage(WithHttp):
+    @classmethod
+    def setUpClass(cls):
+        if missing := "there is no chromium to open the page with" if browser.find() is None else cls.missing():
+            print("SKIPPED: " + missing)
+            sys.exit(77)
+
+    @classmethod
+    def missing(cls):
+        """What else the tests need and is not there."""
+
+    def setUp(self):
+        super().setUp()
+        self.page = browser.Page()
+        self.addCleanup(self.page.close)
+        self.page.save_downloads(self.folder)
+
+    def open(self, path="/"):
+        self.page.open(f"http://{self.http}{path}")
+
+    def look_at(self, mesh):
+        """Drops a mesh on the page and waits for its picture and the form."""
+        self.page.drop_file(mesh)
+        self.page.wait("!!document.querySelector('#pictures table') && !!document.querySelector('#run form')")
+
+    def text(self, selector):
+        return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
+
+    def optimise(self):
+        """Starts the run that the form describes and waits for its whole page."""
+        self.page.click("#run button", "Optimise")
+        self.wait_for_run()
+
+    def wait_for_run(self):
+        self.page.wait("document.querySelector('#state')?.textContent.startsWith('optimise · succeeded') && !!document.querySelector('#run form')", 100)
+
+    def wait_for_state(self, state):
+        self.page.wait(f"document.querySelector('#state')?.dataset.state === '{state}'")
+
+    def downloaded(self, name):
+        file = self.folder / name
+        deadline = time.monotonic() + 30
+        while not file.exists():
+            self.assertLess(time.monotonic(), deadline, os.listdir(self.folder))
+            time.sleep(0.02)
+        return file.read_bytes()
+
+    def check_clean(self):
+        self.assertEqual(self.page.errors, [])
+        asked = {one for one in self.page.requests if not one.startswith((f"http://{self.http}/", "blob:", "data:", "about:"))}
+        self.assertEqual(asked, set(), "everything comes from this server")
