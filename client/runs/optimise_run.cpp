@@ -12,6 +12,7 @@
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
+#include "client/jobs/own_orders.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/runs/failed_surfaces.h"
@@ -30,6 +31,8 @@ Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
   if (const auto distinct = check_distinct(*outputs, {arguments.history, arguments.report}, arguments.common.json);
       !distinct)
     return tl::unexpected(distinct.error());
+  if (arguments.keep_orders)
+    if (const auto fine = check_own_orders(arguments.input.mesh, *outputs); !fine) return tl::unexpected(fine.error());
   return outputs;
 }
 
@@ -94,6 +97,12 @@ int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Jo
   return kInvalidLeft;
 }
 
+/// Whether the outputs of the run have been written.
+bool has_result(const v1::Job& ended) {
+  return ended.state() == v1::JOB_STATE_SUCCEEDED ||
+         (interrupted() && ended.state() == v1::JOB_STATE_CANCELLED && ended.results_size() > 0);
+}
+
 /// Runs the job and returns the exit status. `geometry_report` gets what came of a model.
 int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (const auto fine = check_geometry(arguments.input, arguments.options); !fine) return print_error(fine.error());
@@ -136,6 +145,10 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (!ended) return ended.error();
   *geometry_report = ended->metrics().geometry();
   const int status = deliver_run(client, arguments, *ended, *outputs);
+  if (arguments.keep_orders && has_result(*ended))
+    if (const auto done = write_own_orders(arguments.input.mesh, *outputs, arguments.options.threads(), print_sentence);
+        !done)
+      return print_error(done.error());
   if (ended->has_error()) say_fitting_orders(arguments.input, *ended);
   return status;
 }

@@ -26,6 +26,8 @@ struct FormatEntry {
   Expected<void> (*check_sides)(const HighOrderMesh& mesh, const Team& team) = nullptr;
   /// Up to which order the format has serendipity elements, which `write` then gets if they came so. 0: it has none.
   int serendipity_order = 0;
+  /// Whether a file can hold elements of several orders.
+  bool several_orders = false;
 };
 
 /// The formats of this library. If several formats have the same extension, the last of them is the one that is written

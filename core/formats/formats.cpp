@@ -41,17 +41,17 @@ constexpr FormatEntry row(Format format, std::string_view extension, Functions..
 
 // One row per format.
 constexpr std::array kTable = {
-    row(Format::Msh22, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
-    row(Format::Msh22Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
-    row(Format::Msh41, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
-    row(Format::Msh41Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder),
-    row(Format::Vtu, ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu, nullptr, 2),
+    row(Format::Msh22, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder, true),
+    row(Format::Msh22Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder, true),
+    row(Format::Msh41, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder, true),
+    row(Format::Msh41Binary, ".msh", begins_like_gmsh, read_gmsh, write_gmsh, nullptr, nullptr, kMaxOrder, true),
+    row(Format::Vtu, ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu, nullptr, 2, true),
     row(Format::Mfem, ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem, check_mfem_sides),
     row(Format::Nektar, ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar, check_nektar_sides),
     row(Format::Su2, ".su2", nullptr, nullptr, write_su2, not_in_su2),
     row(Format::Ism, ".ism", begins_like_ism, read_ism),
     row(Format::Hopr, ".h5", begins_like_hdf5, read_hdf5, write_hdf5, not_in_hopr, check_hopr_sides),
-    row(Format::Cgns, ".cgns", begins_like_hdf5, read_hdf5, write_hdf5, not_in_cgns, nullptr, 4),
+    row(Format::Cgns, ".cgns", begins_like_hdf5, read_hdf5, write_hdf5, not_in_cgns, nullptr, 4, true),
     row(Format::Pyfr, ".pyfrm", nullptr, nullptr, write_hdf5, not_in_pyfr, check_pyfr_sides),
     row(Format::Abaqus, ".inp", begins_like_abaqus, read_abaqus),
     row(Format::Gmf, ".meshb", begins_like_gmf, read_gmf),
@@ -116,6 +116,7 @@ Expected<void> complete(HighOrderMesh& mesh, std::int64_t file_bytes, int thread
   if (!done) return tl::unexpected(done.error());
   note_reading(mesh, done->sentences);
   remember_serendipity(mesh, done->serendipity);
+  remember_lower(mesh, done->lower);
   return {};
 }
 
@@ -127,21 +128,63 @@ bool has_serendipity(const FormatEntry& entry, const std::vector<Shape>& shapes,
 }
 
 // The mesh with the serendipity elements that it came with, if it still consists of such and the format has them.
-std::optional<HighOrderMesh> as_it_came(const HighOrderMesh& mesh, const FormatEntry& entry) {
+std::optional<HighOrderMesh> with_serendipity(const HighOrderMesh& mesh, const FormatEntry& entry) {
   const std::vector<Shape> shapes = serendipity_of(mesh);
   if (shapes.empty() || !has_serendipity(entry, shapes, mesh.order)) return std::nullopt;
   return as_serendipity(mesh, shapes);
 }
 
+// The elements that are to have the orders at which they came, as far as the format has such elements.
+std::vector<CameLower> wanted_lower(const HighOrderMesh& mesh, const FormatEntry& entry) {
+  std::vector<CameLower> lower = lower_of(mesh);
+  std::erase_if(lower, [&](const CameLower& run) {
+    return !entry.several_orders || (run.serendipity && run.order > entry.serendipity_order);
+  });
+  return lower;
+}
+
+// The mesh as a file of the format has it, if that is not the mesh itself: with the serendipity elements and the orders
+// that it came with.
+std::optional<HighOrderMesh> as_it_came(const HighOrderMesh& mesh, const FormatEntry& entry) {
+  std::optional<HighOrderMesh> came = with_serendipity(mesh, entry);
+  const std::vector<CameLower> lower = wanted_lower(mesh, entry);
+  if (lower.empty()) return came;
+  OwnOrders own = at_own_orders(came ? *came : mesh, lower);
+  if (own.lowered > 0) came = std::move(own.mesh);
+  return came;
+}
+
 // Why elements that came as serendipity elements are not written so; empty if they are.
 std::string no_serendipity(const HighOrderMesh& mesh, const FormatEntry& entry) {
-  if (serendipity_of(mesh).empty() || as_it_came(mesh, entry)) return {};
+  if (serendipity_of(mesh).empty() || with_serendipity(mesh, entry)) return {};
   const std::string complete =
       "The elements that came as serendipity elements are written as complete elements of order " +
       std::to_string(mesh.order) + ", because ";
   return complete + (!has_serendipity(entry, serendipity_of(mesh), mesh.order)
                          ? "the format has no others."
                          : "the nodes inside their faces are no longer where serendipity elements would have them.");
+}
+
+// What became of the elements that came at a lower order than others; empty if nobody asked for their orders.
+std::string orders_text(const HighOrderMesh& mesh, const FormatEntry& entry) {
+  if (lower_of(mesh).empty()) return {};
+  const std::string order = std::to_string(mesh.order);
+  const std::vector<CameLower> lower = wanted_lower(mesh, entry);
+  if (lower.empty())
+    return "The elements that came at lower orders are written at order " + order +
+           ", because the format has no such elements beside others.";
+  const OwnOrders own = at_own_orders(mesh, lower);
+  const auto elements = [](std::int64_t count) {
+    return std::to_string(count) + (count == 1 ? " element" : " elements");
+  };
+  std::string text;
+  if (own.lowered > 0)
+    text = elements(own.lowered) + (own.lowered == 1 ? " has its" : " have their") + " own lower order again.";
+  if (own.raised > 0)
+    text += (text.empty() ? "" : " ") + elements(own.raised) + " that came at a lower order" +
+            (own.raised == 1 ? " stays" : " stay") + " at order " + order + ", because " +
+            (own.raised == 1 ? "its" : "their") + " own order would lose some of the geometry.";
+  return text;
 }
 
 // Standard output is a device of this name, also if it goes into a file. /dev/shm is a folder for files in memory.
@@ -255,9 +298,9 @@ std::string left_out(const HighOrderMesh& mesh, Format format) {
   const FormatEntry* entry = find(kTable, format == Format::Auto ? kDefaultFormat : format);
   assert(entry != nullptr);
   std::string text = entry->left_out == nullptr ? "" : entry->left_out(mesh);
-  const std::string complete = no_serendipity(mesh, *entry);
-  if (!text.empty() && !complete.empty()) text += " ";
-  return text + complete;
+  for (const std::string& more : {no_serendipity(mesh, *entry), orders_text(mesh, *entry)})
+    text += (text.empty() || more.empty() ? "" : " ") + more;
+  return text;
 }
 
 Expected<void> check_sides(const HighOrderMesh& mesh, Format format, int threads) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <sstream>
+#include <string_view>
 
 #include "core/formats/common/reading_notes.h"
 
@@ -9,9 +10,17 @@ namespace varimesh::formats {
 
 namespace {
 
-constexpr const char *kNotes = "notes of reading", *kSerendipity = "serendipity";
+constexpr const char *kNotes = "notes of reading", *kSerendipity = "serendipity", *kLower = "lower orders",
+                     *kKeepOrders = "keep orders";
 // No format has this name.
 constexpr const char* kOfNoFormat = "";
+
+/// Null if there is none.
+const ForeignSection* find_note(const HighOrderMesh& mesh, std::string_view name) {
+  const auto note = std::ranges::find_if(
+      mesh.foreign, [&](const ForeignSection& section) { return is_reading_note(section) && section.name == name; });
+  return note == mesh.foreign.end() ? nullptr : &*note;
+}
 
 }  // namespace
 
@@ -36,16 +45,46 @@ void remember_serendipity(HighOrderMesh& mesh, const std::vector<Shape>& shapes)
 }
 
 std::vector<Shape> serendipity_of(const HighOrderMesh& mesh) {
-  const auto note = std::ranges::find_if(mesh.foreign, [](const ForeignSection& section) {
-    return is_reading_note(section) && section.name == kSerendipity;
-  });
-  if (note == mesh.foreign.end()) return {};
+  const ForeignSection* note = find_note(mesh, kSerendipity);
+  if (note == nullptr) return {};
   std::istringstream text(note->bytes);
   int order = 0;
   std::vector<Shape> shapes;
   text >> order;
   for (int shape = 0; text >> shape;) shapes.push_back(Shape(shape));
   return order == mesh.order ? shapes : std::vector<Shape>();
+}
+
+void remember_lower(HighOrderMesh& mesh, const std::vector<CameLower>& lower) {
+  if (lower.empty()) return;
+  std::string text = std::to_string(mesh.order);
+  for (const CameLower& run : lower)
+    text += " " + std::to_string(run.first) + " " + std::to_string(run.last) + " " + std::to_string(run.dimension) +
+            " " + std::to_string(run.order) + (run.serendipity ? " 1" : " 0");
+  mesh.foreign.push_back({kLower, text, kOfNoFormat});
+}
+
+std::vector<CameLower> lower_of(const HighOrderMesh& mesh) {
+  const ForeignSection* note = find_note(mesh, kLower);
+  if (note == nullptr || find_note(mesh, kKeepOrders) == nullptr) return {};
+  std::istringstream text(note->bytes);
+  int order = 0;
+  text >> order;
+  std::vector<CameLower> lower;
+  for (CameLower run; text >> run.first >> run.last >> run.dimension >> run.order >> run.serendipity;)
+    lower.push_back(run);
+  return order == mesh.order ? lower : std::vector<CameLower>();
+}
+
+void keep_orders(HighOrderMesh& mesh) {
+  if (find_note(mesh, kKeepOrders) == nullptr) mesh.foreign.push_back({kKeepOrders, "", kOfNoFormat});
+}
+
+void keep_orders_of(const HighOrderMesh& read, HighOrderMesh& mesh) {
+  std::erase_if(mesh.foreign,
+                [](const ForeignSection& section) { return is_reading_note(section) && section.name == kLower; });
+  if (const ForeignSection* note = find_note(read, kLower)) mesh.foreign.push_back(*note);
+  keep_orders(mesh);
 }
 
 }  // namespace varimesh::formats

@@ -12,4 +12,11 @@ namespace varimesh::formats {
 /// raised to the order of the others (complete_elements()). Writing uses what it needs of it by itself.
 std::vector<std::string> reading_notes(const HighOrderMesh& mesh);
 
+/// From now on, writers give elements that were raised their own order again, where this loses nothing
+/// (at_own_orders()) and the format can hold elements of several orders. left_out() says which stay raised.
+void keep_orders(HighOrderMesh& mesh);
+
+/// Takes from the mesh `read`, of which `mesh` is a result, which elements were raised, and calls keep_orders().
+void keep_orders_of(const HighOrderMesh& read, HighOrderMesh& mesh);
+
 }  // namespace varimesh::formats

@@ -5,6 +5,7 @@
 
 #include "client/commands/commands.h"
 #include "client/io/inputs.h"
+#include "client/jobs/own_orders.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
@@ -23,7 +24,7 @@ constexpr int kAllThreads = 0;
 
 struct Arguments {
   std::string input, output, flag_output, format;
-  bool orient = false, simplices = false;
+  bool orient = false, simplices = false, keep_orders = false;
   Repairs repairs;
 };
 
@@ -79,6 +80,7 @@ int convert(const Arguments& arguments) {
     if (!cut) return print_error(cut.error());
     file->mesh = std::move(*cut);
   }
+  if (arguments.keep_orders) formats::keep_orders(file->mesh);
   // A mesh whose quality cannot be computed is written without marks.
   std::optional<CellMarks> marks;
   if (*format == formats::Format::Vtu && check_judgeable(file->mesh))
@@ -102,6 +104,7 @@ Action add_convert(Command program) {
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
   command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
   command.add("--simplices", &arguments->simplices, "Cut all elements into triangles or tetrahedra, without new nodes");
+  command.add("--keep-orders", &arguments->keep_orders, kKeepOrdersHelp);
   add_repair_flags(command, &arguments->repairs);
   return [arguments] { return convert(*arguments); };
 }

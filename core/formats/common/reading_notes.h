@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/mesh/changes/complete.h"
+#include "core/mesh/changes/completion/complete.h"
 
 namespace varimesh::formats {
 
@@ -17,6 +17,12 @@ void remember_serendipity(HighOrderMesh& mesh, const std::vector<Shape>& shapes)
 
 /// These shapes, if the mesh has the order that it had then.
 std::vector<Shape> serendipity_of(const HighOrderMesh& mesh);
+
+/// Notes which elements were raised to the mesh's order.
+void remember_lower(HighOrderMesh& mesh, const std::vector<CameLower>& lower);
+
+/// These elements, if keep_orders() was called and the mesh has the order that it had then.
+std::vector<CameLower> lower_of(const HighOrderMesh& mesh);
 
 /// Whether a section holds such notes.
 bool is_reading_note(const ForeignSection& section);

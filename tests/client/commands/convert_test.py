@@ -124,6 +124,30 @@ class Convert(WithFolder):
         self.assertEqual(out.read_text(), eight.read_text())
         self.assertIn("because the format has no others", run("convert", eight, mfem).stderr)
 
+    def test_elements_of_lower_order_are_written_so_again_if_asked_to(self):
+        def mesh(middle):
+            return ("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n7\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 1 1 0\n"
+                    f"5 0.5 0 0\n6 {middle} 0\n7 0 0.5 0\n$EndNodes\n$Elements\n2\n1 9 2 1 1 1 2 3 5 6 7\n"
+                    "2 2 2 1 1 2 4 3\n$EndElements\n")  # fmt: skip
+
+        two, bent, out, mfem = (self.folder / name for name in ("two.msh", "bent.msh", "out.msh", "out.mesh"))
+        two.write_text(mesh("0.5 0.5"))
+        bent.write_text(mesh("0.53 0.53"))
+        raised = run("convert", two, out)
+        self.assertIn("1 triangle of order 1. The 2 new nodes", raised.stderr)
+        self.assertIn(" 9 2 1 1 2 4 3 ", out.read_text())
+        kept = run("convert", two, out, "--keep-orders")
+        self.assertIn("1 element has its own lower order again.", kept.stderr)
+        self.assertEqual(out.read_text(), two.read_text())
+        self.assertIn("because its own order would lose", run("convert", bent, out, "--keep-orders").stderr)
+        self.assertIn("has no such elements beside others", run("convert", two, mfem, "--keep-orders").stderr)
+        done = run("optimise", two, "-o", out, "--keep-orders")
+        self.assertIn("1 element has its own lower order again.", done.stderr)
+        self.assertEqual(out.read_text(), two.read_text())
+        self.assertIn("1 element that came at a lower order stays at order 2",
+                      run("optimise", bent, "-o", out, "--keep-orders").stderr)
+        self.assertIn("is for results in MSH files", run("optimise", two, "-o", mfem, "--keep-orders").stderr)
+
     def test_a_format_that_contradicts_the_ending_is_refused(self):
         for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):
             done = run("convert", MESH, self.folder / name, "--format", form)

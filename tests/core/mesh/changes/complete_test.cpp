@@ -1,5 +1,5 @@
 // Serendipity elements and elements of lower order become complete elements of one order, and their geometry stays.
-#include "core/mesh/changes/complete.h"
+#include "core/mesh/changes/completion/complete.h"
 
 #include <gtest/gtest.h>
 
@@ -120,9 +120,9 @@ HighOrderMesh of_two_orders(const HighOrderMesh& mesh, int low) {
 }
 
 TEST(CompleteOrders, LowerElementsAreRaisedExactly) {
-  constexpr int low = 1;
-  for (const int high : {2, 3, 4}) {
-    SCOPED_TRACE("to " + std::to_string(high));
+  // Elements of orders 2 and 4 have different nodes in the middle of the edges that they share.
+  for (const auto& [low, high] : {std::pair(1, 2), {1, 3}, {1, 4}, {2, 4}}) {
+    SCOPED_TRACE(std::to_string(low) + " to " + std::to_string(high));
     // The elements of both orders share straight sides.
     HighOrderMesh mesh = testing::grid(Filling::MixedSolid, {3, 2, 1}, high);
     const HighOrderMesh mixed = of_two_orders(mesh, low);
@@ -179,6 +179,45 @@ TEST(CompleteOrders, SidesFollowACurvedElement) {
   ASSERT_EQ(done.sentences.size(), 2U);
   EXPECT_NE(done.sentences[1].find("curved side"), std::string::npos);
   const auto sound = check_structure(mixed);
+  EXPECT_TRUE(sound) << sound.error().sentence;
+}
+
+TEST(CompleteOrders, ElementsGetTheirOwnOrderAgain) {
+  for (const auto& [low, high] : {std::pair(1, 2), {1, 3}, {2, 3}, {2, 4}}) {
+    SCOPED_TRACE(std::to_string(low) + " and " + std::to_string(high));
+    const HighOrderMesh mixed = of_two_orders(testing::grid(Filling::MixedSolid, {3, 2, 1}, high), low);
+    HighOrderMesh back = mixed;
+    const Completion done = completed(back);
+    ASSERT_FALSE(done.lower.empty());
+    const OwnOrders own = at_own_orders(back, done.lower);
+    EXPECT_GT(own.lowered, 0);
+    EXPECT_EQ(own.raised, 0);
+    ASSERT_EQ(own.mesh.blocks.size(), mixed.blocks.size());
+    for (std::size_t b = 0; b < mixed.blocks.size(); ++b) EXPECT_EQ(own.mesh.blocks[b].order, mixed.blocks[b].order);
+    EXPECT_EQ(own.mesh.node_count() == mixed.node_count(), low != 2 || high != 4) << "orders 2 and 4 share nodes now";
+    EXPECT_EQ(own.mesh.node_numbers.size(), own.mesh.node_count());
+    expect_same_places(mixed, own.mesh, 1e-13);
+    HighOrderMesh again = own.mesh;
+    completed(again);
+    const auto sound = check_structure(again);
+    EXPECT_TRUE(sound) << sound.error().sentence;
+  }
+}
+
+TEST(CompleteOrders, ElementsStayRaisedIfTheirOwnOrderLosesGeometry) {
+  HighOrderMesh mesh = testing::grid(Filling::MixedSolid, {3, 2, 1}, 2);
+  testing::shake(mesh, 0.01, 1);
+  HighOrderMesh mixed = of_two_orders(mesh, 1);
+  const Completion done = completed(mixed);
+  const OwnOrders own = at_own_orders(mixed, done.lower);
+  EXPECT_GT(own.raised, 0) << "beside the curved ones";
+  std::int64_t lower = 0;
+  for (const ElementBlock& block : own.mesh.blocks)
+    if (block.order == 1 && block.shape != Shape::Point) lower += std::int64_t(block.size());
+  EXPECT_EQ(lower, own.lowered);
+  HighOrderMesh again = own.mesh;
+  completed(again);
+  const auto sound = check_structure(again);
   EXPECT_TRUE(sound) << sound.error().sentence;
 }
 

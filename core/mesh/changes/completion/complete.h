@@ -6,6 +6,7 @@
 
 #include "core/base/error.h"
 #include "core/base/io/allowance.h"
+#include "core/mesh/changes/completion/own_orders.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {
@@ -14,6 +15,7 @@ namespace varimesh {
 struct Completion {
   /// Shapes all of whose elements came as serendipity elements of the mesh's order.
   std::vector<Shape> serendipity;
+  std::vector<CameLower> lower;  ///< The elements that were raised.
   /// For humans: what became of which elements, and the numbers of the new nodes. Empty if nothing had to be done.
   std::vector<std::string> sentences;
 };

@@ -1,4 +1,4 @@
-#include "core/mesh/changes/complete.h"
+#include "core/mesh/changes/completion/complete.h"
 
 #include <algorithm>
 #include <array>
@@ -8,12 +8,11 @@
 #include <set>
 #include <tuple>
 
+#include "core/mesh/changes/completion/between_orders.h"
 #include "core/mesh/changes/remove_nodes.h"
 #include "core/mesh/changes/serendipity_elements.h"
 #include "core/mesh/changes/shared_nodes.h"
-#include "core/reference/basis.h"
 #include "core/reference/nodes.h"
-#include "core/reference/serendipity.h"
 
 namespace varimesh {
 
@@ -36,36 +35,11 @@ struct Pattern : detail::CellNodes {
   Eigen::MatrixXd values;   ///< New nodes × old nodes: the values of the old functions.
 };
 
-/// The values of the functions of an element, which may be a serendipity one, at some points.
-Eigen::MatrixXd values_at(Shape shape, int order, std::size_t nodes, const reference::Points& at, int ambient) {
-  Eigen::MatrixXd values = reference::basis_values(shape, order, reference::NodeSet::Equispaced, ambient, at);
-  const auto own = static_cast<Eigen::Index>(nodes);
-  if (own == values.cols()) return values;
-  return values.leftCols(own) + values.rightCols(values.cols() - own) * reference::serendipity_values(shape, order);
-}
-
-std::vector<int> sources(Shape shape, int from, std::size_t old_nodes, int to) {
-  const auto& old = reference::lattice(shape, from);
-  const auto& fresh = reference::lattice(shape, to);
-  std::vector<int> source(fresh.size(), -1);
-  if (to % from != 0) {
-    std::iota(source.begin(), source.begin() + reference::info(shape).vertices, 0);
-    return source;
-  }
-  for (std::size_t k = 0; k < old_nodes; ++k) {
-    const auto same = [&](const auto& at) {
-      return std::ranges::equal(at, old[k], [&](int a, int b) { return a == b * (to / from); });
-    };
-    source[static_cast<std::size_t>(std::ranges::find_if(fresh, same) - fresh.begin())] = static_cast<int>(k);
-  }
-  return source;
-}
-
 Pattern make_pattern(const ElementBlock& block, int order, int ambient) {
   const reference::Points& at = reference::nodes(block.shape, order, reference::NodeSet::Equispaced, ambient);
   return {detail::cell_nodes(block.shape, order, ambient),
-          sources(block.shape, block.order, nodes_per_element(block), order),
-          values_at(block.shape, block.order, nodes_per_element(block), at, ambient)};
+          detail::same_nodes(block.shape, block.order, nodes_per_element(block), order),
+          detail::values_at(block.shape, block.order, nodes_per_element(block), at, ambient)};
 }
 
 // === The whole mesh ======================================================================================
@@ -78,6 +52,7 @@ class Completing {
   /// False if there is too little memory.
   bool apply();
   std::vector<std::string> sentences() const;
+  std::vector<CameLower> take_lower() { return std::move(lower_); }
 
  private:
   static constexpr std::size_t kSharedBytes = 96, kNodeBytes = 64;  // what an edge's and a new node take, at most
@@ -105,6 +80,7 @@ class Completing {
   bool claim(ElementBlock& block);
   void remember(ElementBlock& block);
   bool make_block(ElementBlock& block);
+  void note_lower(const ElementBlock& block);
   void make_element(const ElementBlock& block, const Pattern& nodes, const std::int32_t* old, std::int32_t* made);
   void follow(const Pattern& nodes, const std::int32_t* old, int local, std::int32_t node);
   std::array<double, 3> place(const Pattern& nodes, const std::int32_t* old, int local) const;
@@ -121,8 +97,10 @@ class Completing {
   std::size_t first_new_;
   std::map<std::tuple<Shape, int, std::size_t>, Pattern> patterns_;
   std::vector<std::int32_t> node_of_;          // by number among the shared nodes: the node there, or −1
+  std::vector<bool> stays_;                    // by number: the node is one of an element that does not change
   std::vector<std::pair<int, int>> entities_;  // of the new nodes: dimension, tag
   std::map<std::tuple<bool, int, Shape>, std::size_t> counts_;  // of changed elements: serendipity, order, shape
+  std::vector<CameLower> lower_;
   std::size_t followers_ = 0;
 };
 
@@ -157,6 +135,7 @@ void Completing::remember(ElementBlock& block) {
       const int source = nodes.source[static_cast<std::size_t>(local)];
       if (shared == kNoNode || source < 0 || node_of_[static_cast<std::size_t>(shared)] >= 0) return;
       node_of_[static_cast<std::size_t>(shared)] = old[source];
+      stays_[static_cast<std::size_t>(shared)] = !changes(block);
     });
   });
 }
@@ -196,8 +175,9 @@ void Completing::make_element(const ElementBlock& block, const Pattern& nodes, c
     made[local] = source < 0 ? kNoNode : old[source];
   }
   for_shared(block.shape, nodes, old, true, [&](int local, std::int32_t shared) {
-    if (made[local] >= 0) return;
     std::int32_t& node = node_of_[static_cast<std::size_t>(shared)];
+    // An element of another order may have a node of its own where this one has one.
+    if (made[local] >= 0 && (node == made[local] || !stays_[static_cast<std::size_t>(shared)])) return;
     if (node < 0)
       node = add_node(place(nodes, old, local));
     else if (static_cast<std::size_t>(node) < first_new_)
@@ -210,6 +190,15 @@ void Completing::make_element(const ElementBlock& block, const Pattern& nodes, c
     const auto node = static_cast<std::size_t>(made[local]);
     if (node >= first_new_) entities_[node - first_new_] = std::min(entities_[node - first_new_], entity);
   }
+}
+
+void Completing::note_lower(const ElementBlock& block) {
+  const int dimension = reference::info(block.shape).dimension;
+  for (std::size_t e = 0; e < block.size(); ++e)
+    if (e > 0 && block.numbers[e] == block.numbers[e - 1] + 1)
+      ++lower_.back().last;
+    else
+      lower_.push_back({block.numbers[e], block.numbers[e], dimension, block.order, is_serendipity(block)});
 }
 
 bool Completing::make_block(ElementBlock& block) {
@@ -227,6 +216,7 @@ bool Completing::make_block(ElementBlock& block) {
     to += stride;
   });
   counts_[{is_serendipity(block), block.order, block.shape}] += block.size();
+  if (block.order < order_) note_lower(block);
   block.nodes = std::move(made);
   block.order = order_;
   return fits;
@@ -234,32 +224,7 @@ bool Completing::make_block(ElementBlock& block) {
 
 /// Puts the new nodes in the order of their entities, and numbers them.
 void Completing::number_new_nodes() {
-  std::vector<std::int32_t> sequence(entities_.size());
-  std::iota(sequence.begin(), sequence.end(), 0);
-  const bool classified = !mesh_.node_blocks.empty() && std::ranges::none_of(mesh_.node_blocks, [](const auto& block) {
-    return block.dimension < 0;
-  });
-  if (classified)
-    std::ranges::stable_sort(sequence, {}, [&](std::int32_t i) { return entities_[static_cast<std::size_t>(i)]; });
-  else
-    std::ranges::fill(entities_, std::pair(-1, 0));
-  const std::vector<double> old(mesh_.coordinates.begin() + static_cast<std::ptrdiff_t>(3 * first_new_),
-                                mesh_.coordinates.end());
-  std::vector<std::int32_t> place(sequence.size());
-  std::int64_t number = mesh_.node_numbers.empty() ? 0 : *std::ranges::max_element(mesh_.node_numbers);
-  for (std::size_t i = 0; i < sequence.size(); ++i) {
-    const auto from = static_cast<std::size_t>(sequence[i]);
-    place[from] = static_cast<std::int32_t>(first_new_ + i);
-    std::copy_n(old.begin() + static_cast<std::ptrdiff_t>(3 * from), 3,
-                mesh_.coordinates.begin() + static_cast<std::ptrdiff_t>(3 * (first_new_ + i)));
-    mesh_.node_numbers.push_back(++number);
-    std::vector<NodeBlock>& blocks = mesh_.node_blocks;
-    const auto [dimension, entity] = entities_[from];
-    if (blocks.empty() || (i == 0 && classified) || blocks.back().dimension != dimension ||
-        blocks.back().entity != entity)
-      blocks.push_back({dimension, entity, place[from], 0});
-    ++blocks.back().count;
-  }
+  const std::vector<std::int32_t> place = detail::number_new_nodes(mesh_, first_new_, entities_);
   const auto move = [&](std::int32_t& node) {
     if (node >= 0 && static_cast<std::size_t>(node) >= first_new_)
       node = place[static_cast<std::size_t>(node) - first_new_];
@@ -313,6 +278,7 @@ bool Completing::apply() {
   for (ElementBlock& block : mesh_.blocks)
     if (changes(block) && !claim(block)) return false;
   node_of_.assign(static_cast<std::size_t>(shared_.count()), kNoNode);
+  stays_.assign(node_of_.size(), false);
   for (const bool changing : {false, true})  // the nodes of elements that stay count first
     for (ElementBlock& block : mesh_.blocks)
       if (block.size() > 0 && block.shape != Shape::Point && block.order <= order_ && changes(block) == changing)
@@ -386,12 +352,13 @@ Expected<Completion> complete_elements(HighOrderMesh& mesh, Allowance& allowance
   for (const ElementBlock& block : mesh.blocks)
     if (is_cell_or_side(mesh, block)) all_are_complete &= block.order == order && !is_serendipity(block);
   if (all_are_complete) return Completion();
-  Completion done{only_serendipity(mesh, order), {}};
+  Completion done{only_serendipity(mesh, order), {}, {}};
   Completing completing(mesh, order, allowance);
   if (!completing.apply())
     return bad_input(
         "The mesh file cannot be read: with all elements complete and of order " + std::to_string(order) +
         " the mesh takes more than 8 times the memory of the file and 64 MiB; write it with elements of one order.");
+  done.lower = completing.take_lower();
   done.sentences = completing.sentences();
   return done;
 }
