@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadMesh
-from .mesh import Block, Mesh, indices, shape_name
+from .mesh import Block, Mesh, indices, only_server_reads, shape_name, take_arrays, to_msh
 
-#: Reads the bytes of a VTU file.
+#: Reads the bytes of a VTU or MSH file.
 ReadVtu: TypeAlias = Callable[[bytes], Mesh]
 
 # Cells whose nodes meshio has in VTK's order, which differs from Gmsh's. Gmsh's node i is meshio's node order[i].
@@ -163,6 +163,14 @@ def update_gmsh(gmsh: Any, mesh: Mesh) -> None:
         gmsh.model.mesh.setNode(tag, xyz, [])
 
 
+def _from_arrays(nodes: Any, cells: Any, read: ReadVtu) -> Mesh:
+    """The Mesh of arrays. The server reads serendipity cells and cells of several orders."""
+    xyz, blocks, columns = take_arrays(nodes, cells)
+    if not blocks or not only_server_reads(blocks):
+        return Mesh.from_arrays(nodes, cells)
+    return _with_columns(read, columns)(to_msh(xyz, blocks, {}))
+
+
 def as_mesh(source: Any, read_vtu: ReadVtu) -> Mesh:
     """The Mesh of anything that holds one: a Mesh, (nodes, cells), a meshio mesh, a pyvista grid or the module gmsh.
     `read_vtu` reads cells whose node order only the server knows."""
@@ -175,7 +183,7 @@ def as_mesh(source: Any, read_vtu: ReadVtu) -> Mesh:
     if hasattr(source, "model") and hasattr(source.model, "mesh"):
         return from_gmsh(source)
     if isinstance(source, tuple) and len(source) == 2:
-        return Mesh.from_arrays(*source)
+        return _from_arrays(source[0], source[1], read_vtu)
     raise BadMesh(f"A {type(source).__name__} is not a mesh; "
                   "give a path of a file, a Mesh, (nodes, cells), a meshio mesh, a pyvista grid or the module gmsh.")  # fmt: skip
 

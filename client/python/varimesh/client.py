@@ -249,7 +249,7 @@ class Client:
         return as_mesh(source, self._read_vtu)
 
     def _read_vtu(self, file: bytes) -> Mesh:
-        """The mesh in the bytes of a VTU file."""
+        """The mesh in the bytes of a VTU or MSH file."""
         digest = transfer.upload(self._connection, self._meshes, transfer.BytesSource(file))
         try:
             with self._quality_job(job_pb2.QualityTask(), mesh_pb2.MeshReference(digest=digest), ["parts"]) as job:

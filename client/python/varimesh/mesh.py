@@ -1,6 +1,7 @@
 """A mesh in arrays, and its conversion to and from the messages in which it is sent."""
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -86,19 +87,8 @@ class Mesh:
     ) -> Mesh:
         """A mesh from nodes (n, 2) or (n, 3) and cells by shape, such as {"triangle": an array (m, k)}: node indices from 0,
         in Gmsh's order."""
-        xyz = _coordinates(nodes)
-        if xyz.ndim != 2 or xyz.shape[1] not in (2, 3) or len(xyz) == 0:
-            raise BadMesh(f"The nodes are an array of shape {xyz.shape}; give (n, 2) or (n, 3).")
-        columns = xyz.shape[1]
-        if columns == 2:
-            xyz = np.hstack([xyz, np.zeros((len(xyz), 1))])
-        if not np.isfinite(xyz).all():
-            row = int(np.flatnonzero(~np.isfinite(xyz).all(axis=1))[0])
-            raise BadMesh(f"The coordinates of node {row} are not finite.")
-        pairs = cells.items() if isinstance(cells, Mapping) else cells
-        blocks = [pair if isinstance(pair, Block) else Block(shape_name(pair[0]), indices(*pair)) for pair in pairs]
-        blocks = [block for block in blocks if len(block.nodes)]
-        return cls(np.ascontiguousarray(xyz), blocks, _check(blocks, len(xyz)), dict(groups or {}), columns=columns)
+        xyz, blocks, columns = take_arrays(nodes, cells)
+        return cls(xyz, blocks, _check(blocks, len(xyz)), dict(groups or {}), columns=columns)
 
     def __repr__(self) -> str:
         shapes = ", ".join(f"{len(nodes)} {shape}" for shape, nodes in self.cells.items())
@@ -121,6 +111,25 @@ class Mesh:
     def moved(self, nodes: ArrayLike) -> Mesh:
         """The same mesh with other positions of its nodes."""
         return replace(self, nodes=np.asarray(nodes, dtype=np.float64))
+
+
+def take_arrays(
+    nodes: ArrayLike, cells: Mapping[str, ArrayLike] | Iterable[tuple[str, ArrayLike] | Block]
+) -> tuple[NDArray[np.float64], list[Block], int]:
+    """The nodes with three coordinates, the blocks that are not empty, and how many coordinates were given."""
+    xyz = _coordinates(nodes)
+    if xyz.ndim != 2 or xyz.shape[1] not in (2, 3) or len(xyz) == 0:
+        raise BadMesh(f"The nodes are an array of shape {xyz.shape}; give (n, 2) or (n, 3).")
+    columns = xyz.shape[1]
+    if columns == 2:
+        xyz = np.hstack([xyz, np.zeros((len(xyz), 1))])
+    if not np.isfinite(xyz).all():
+        row = int(np.flatnonzero(~np.isfinite(xyz).all(axis=1))[0])
+        raise BadMesh(f"The coordinates of node {row} are not finite.")
+    pairs = cells.items() if isinstance(cells, Mapping) else cells
+    blocks = [pair if isinstance(pair, Block) else Block(shape_name(pair[0]), indices(*pair)) for pair in pairs]
+    blocks = [block for block in blocks if len(block.nodes)]
+    return np.ascontiguousarray(xyz), blocks, columns
 
 
 def _rows(values: ArrayLike) -> NDArray[Any]:
@@ -160,14 +169,15 @@ def _check(blocks: Sequence[Block], count: int) -> int:
         fitting = [p for p in range(1, MAX_ORDER + 1) if nodes_of(block.shape, p) == columns]
         if not fitting:
             raise BadMesh(f"No {block.shape} of order 1 to {MAX_ORDER} has {columns} nodes; "
-                          "cells without inner nodes (serendipity) are not supported.")  # fmt: skip
+                          "serendipity cells and cells of several orders go to optimise() as (nodes, cells).")  # fmt: skip
         if block.shape != "point":
             orders.setdefault(fitting[0], block)
     if not any(block.dimension >= 2 for block in blocks):
         raise BadMesh("There are no cells; give triangles, quadrilaterals, tetrahedra, pyramids, prisms or hexahedra.")
     if len(orders) > 1:
         (one, first), (other, second) = list(orders.items())[:2]
-        raise BadMesh(f"A {first.shape} has order {one} and a {second.shape} order {other}; all must have the same.")
+        raise BadMesh(f"A {first.shape} has order {one} and a {second.shape} order {other}; all must have the same "
+                      "here. Give optimise() (nodes, cells), which takes cells of several orders.")  # fmt: skip
     return next(iter(orders))
 
 
@@ -229,3 +239,71 @@ def from_parts(data: bytes) -> Mesh:
                 group = mesh_pb2.PhysicalGroup.FromString(bytes(payload))
                 groups[group.dimension, group.tag] = group.name
     return Mesh(np.concatenate(coordinates).reshape(-1, 3), blocks, header.order, groups)
+
+
+# ===== files of Gmsh, for cells that only the server reads =====
+
+_EDGES = {"triangle": 3, "quadrilateral": 4, "pyramid": 8, "prism": 9, "hexahedron": 12}
+# Gmsh's numbers of complete elements, by order from 1 on, and of serendipity elements, from 2 on. 0: there is none.
+_COMPLETE = {
+    "point": [15],
+    "line": [1, 8, 26, 27, 28, 62, 63, 64, 65, 66],
+    "triangle": [2, 9, 21, 23, 25, 42, 43, 44, 45, 46],
+    "quadrilateral": [3, 10, 36, 37, 38, 47, 48, 49, 50, 51],
+    "tetrahedron": [4, 11, 29, 30, 31, 71, 72, 73, 74, 75],
+    "pyramid": [7, 14, 118, 119, 120, 121, 122, 123, 124],
+    "prism": [6, 13, 90, 91, 106, 107, 108, 109, 110],
+    "hexahedron": [5, 12, 92, 93, 94, 95, 96, 97, 98],
+}
+_SERENDIPITY = {
+    "triangle": [0, 20, 22, 24, 52, 53, 54, 55, 56],
+    "quadrilateral": [16, 39, 40, 41, 57, 58, 59, 60, 61],
+    "pyramid": [19, 125, 126, 127, 128, 129, 130, 131],
+    "prism": [18, 111, 112, 113, 114, 115, 116, 117],
+    "hexahedron": [17, 99, 100, 101, 102, 103, 104, 105],
+}
+
+
+def _complete_order(shape: str, count: int) -> int:
+    """The order of a complete cell with so many nodes; 0: there is none."""
+    return next((order for order in range(1, MAX_ORDER + 1) if nodes_of(shape, order) == count), 0)
+
+
+def _type_of(block: Block) -> int:
+    """Gmsh's number of the block's cells; 0: it has none. If both kinds have so many nodes, the cell is a complete one."""
+    count = block.nodes.shape[1]
+    if order := _complete_order(block.shape, count):
+        types = _COMPLETE[block.shape]
+        return types[order - 1] if order <= len(types) else 0
+    for order, number in enumerate(_SERENDIPITY.get(block.shape, []), 2):
+        if nodes_of(block.shape, 1) + _EDGES[block.shape] * (order - 1) == count:
+            return number
+    return 0
+
+
+def only_server_reads(blocks: Sequence[Block]) -> bool:
+    """Whether the cells are of several orders, or serendipity cells, and all of a kind that Gmsh has."""
+    orders = {_complete_order(block.shape, block.nodes.shape[1]) for block in blocks if block.shape != "point"}
+    return (len(orders) > 1 or 0 in orders) and all(_type_of(block) for block in blocks)
+
+
+def to_msh(nodes: NDArray[np.float64], blocks: Sequence[Block], groups: Mapping[tuple[int, int], str]) -> bytes:
+    """The mesh as an MSH 2.2 file. The first node has the number 1."""
+    file = io.BytesIO()
+    file.write(b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
+    if groups:
+        lines = "".join(f'{dimension} {tag} "{name}"\n' for (dimension, tag), name in groups.items())
+        file.write(f"$PhysicalNames\n{len(groups)}\n{lines}$EndPhysicalNames\n".encode())
+    file.write(f"$Nodes\n{len(nodes)}\n".encode())
+    np.savetxt(file, np.column_stack([np.arange(1, len(nodes) + 1), nodes]), "%d %.17g %.17g %.17g")
+    count = sum(len(block.nodes) * max(1, len(block.physical)) for block in blocks)
+    file.write(f"$EndNodes\n$Elements\n{count}\n".encode())
+    first = 1
+    for block in blocks:
+        for group in block.physical or (0,):  # an element is repeated for each further group
+            numbers = np.arange(first, first + len(block.nodes))
+            about = np.tile([_type_of(block), 2, group, block.entity], (len(block.nodes), 1))
+            np.savetxt(file, np.column_stack([numbers, about, block.nodes.astype(np.int64) + 1]), "%d")
+            first += len(block.nodes)
+    file.write(b"$EndElements\n")
+    return file.getvalue()

@@ -84,6 +84,25 @@ class Form(support.WithServer):
         result = self.client.optimise(like)
         self.assertEqual(result.nodes.shape, (9, 2))
         self.assertTrue(result.valid)
+        # The same as arrays.
+        result = self.client.optimise((points, {"quad": [list(range(8))]}))
+        self.assertEqual(result.nodes.shape, (9, 2))
+        np.testing.assert_allclose(result.nodes[8], [0.5, 0.5], atol=1e-15)
+
+    def test_arrays_may_have_cells_of_several_orders(self):
+        """A triangle of order 1 beside one of order 2, whose nodes keep their places in the arrays."""
+        points = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+        cells = [("triangle6", [[0, 1, 2, 4, 5, 6]]), varimesh.Block("triangle", np.array([[1, 3, 2]], np.int32), 5, (7, 8))]
+        mesh = self.client._as_mesh((points, cells))
+        self.assertEqual((mesh.order, len(mesh.nodes), mesh.columns), (2, 9, 2))
+        np.testing.assert_array_equal(mesh.nodes[:7, :2], points)
+        self.assertEqual([block.nodes.tolist()[0][:3] for block in mesh.blocks], [[0, 1, 2], [1, 3, 2]])
+        self.assertEqual((mesh.blocks[1].entity, mesh.blocks[1].physical), (5, (7, 8)))
+        result = self.client.optimise((points, cells))
+        self.assertTrue(result.valid)
+        self.assertEqual(result.nodes.shape, (9, 2))
+        with self.assertRaisesRegex(varimesh.BadMesh, "several orders"):
+            varimesh.Mesh.from_arrays(points, cells)
 
 
 class Vtk(support.WithServer):
