@@ -1,6 +1,7 @@
 // Line charts and histograms as SVG. They are drawn again when the width available to them changes.
 
-const CHART_MARGIN = {left: 56, right: 12, top: 8, bottom: 34};
+// On the left there is room for the name of the axis beside numbers such as −0.0115.
+const CHART_MARGIN = {left: 68, right: 12, top: 8, bottom: 34};
 
 /** Calls `paint(width)` now and whenever the width of `host` changes. */
 function followWidth(host, paint) {

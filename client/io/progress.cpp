@@ -35,7 +35,7 @@ std::string amount(const v1::Work& work, const char* what) {
 
 /// A bar that shows how far the residual has fallen towards the tolerance, on a logarithmic scale.
 std::string bar(double first, double now, double tolerance) {
-  constexpr int kWidth = 16;
+  constexpr int kWidth = 10;  // at 80 columns there is room for it beside everything else but the residual
   double fraction = 0;
   if (now > 0 && first > tolerance && tolerance > 0) fraction = std::log(first / now) / std::log(first / tolerance);
   if (now <= tolerance) fraction = 1;

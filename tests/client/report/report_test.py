@@ -261,6 +261,17 @@ class Report(WithFolder):
             self.page.look(width, 844, dark)
             self.page.value("new Promise((done) => setTimeout(done, 100))")
             self.assertLessEqual(self.page.value("document.documentElement.scrollWidth"), width)
+            cut = "[...document.querySelectorAll('.scrolls')].filter((one) => one.scrollWidth > one.clientWidth)"
+            self.assertEqual(self.page.value(cut + ".map((one) => one.textContent.slice(0, 40))"), [], width)
+        tops = "[...columns.children].map((one) => Math.round(one.getBoundingClientRect().top))"
+        level = self.page.value(f"[...document.querySelectorAll('.columns')].map((columns) => new Set({tops}).size)")
+        self.assertEqual(set(level), {1}, "columns begin at the same height")
+        self.assertEqual(self.page.value("""[...document.querySelectorAll('svg.chart')].flatMap((chart) => {
+            const texts = [...chart.querySelectorAll('text')].map((one) => [one, one.getBoundingClientRect()]);
+            const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+            return texts.filter(([one, box]) => one.getAttribute('transform') &&
+                texts.some(([other, its]) => other !== one && over(box, its))).map(([one]) => one.textContent);
+        })"""), [], "names of axes lie beside the numbers")
         self.assertEqual(self.page.errors, [])
 
     def test_is_refused_if_it_cannot_be_written(self):
