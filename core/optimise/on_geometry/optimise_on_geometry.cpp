@@ -59,7 +59,6 @@ class Runs {
     if (!first) return tl::unexpected(first.error());
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
-    best_slide_ = geometry_.slide;
     is_first_ = false;
     // Refining helps sooner than the other ways to slide, but adds elements.
     const bool is_in_haste = refines_ && options_.time_limit > 0;
@@ -68,6 +67,8 @@ class Runs {
       options_.repair = Repair::Split;
       split_inside();
       refine();
+      const bool went_on = std::exchange(best_slide_, SlideOn::All) == SlideOn::Coupled;
+      if (went_on && left(best_.result) > 0 && split_inside()) refine();
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
     if (!is_only_run && is_in_haste) try_others();
@@ -83,15 +84,11 @@ class Runs {
  private:
   /// What refining has done to the mesh that is taken, and whether it might have gone on.
   void tell_of_refining() {
-    std::vector<std::string> sentences;
-    if (refinement_) sentences.push_back(*refinement_);
     if (is_full_ && left(best_.result) > 0)
-      sentences.push_back("Refining has ended because the mesh may have at most " + std::to_string(most_cells()) +
-                          " elements; with a larger refine_growth it may go on.");
-    for (const std::string& sentence : sentences) {
-      tell(sentence);
-      if (best_.slid) best_.slid->slid.sentences.push_back(sentence);
-    }
+      refinement_ = (refinement_ ? *refinement_ + " " : "") + full_sentence(most_cells());
+    if (!refinement_) return;
+    tell(*refinement_);
+    if (best_.slid) best_.slid->slid.sentences.push_back(*refinement_);
   }
 
   struct Run {
@@ -173,17 +170,21 @@ class Runs {
   }
   bool may_have(const HighOrderMesh& mesh) const { return mesh.element_count(mesh.dimension) <= most_cells(); }
 
-  /// Lets the same run split edges and faces inside the mesh, which adds fewer elements where it helps. If all nodes
-  /// have moved together, it goes on from there: few elements are left then, and sliding anew would leave many.
-  void split_inside() {
-    if (mesh_.dimension != 3 || !may_go_on()) return;
+  /// Splits edges and faces inside the mesh, which adds fewer elements where it helps. If all nodes have moved
+  /// together, it goes on from there: few elements are left, and sliding anew would leave many. Returns whether this is
+  /// taken.
+  bool split_inside() {
+    if (mesh_.dimension != 3 || !may_go_on()) return false;
     auto split = best_slide_ == SlideOn::Coupled ? run(best_.result.mesh, SlideOn::None, kMostShareBeforeRefining, true)
                                                  : run(mesh_, geometry_.slide, kMostShareBeforeRefining);
-    if (!split || split->cut_short != StopToken::Reason::None) return;
+    if (!split || split->cut_short != StopToken::Reason::None) return false;
     is_stopped_ = split->result.stopped;
-    if (!is_stopped_ && may_have(split->result.mesh) &&
-        is_better(merit_of(split->result.after), merit_of(best_.result.after)))
-      take_refined(std::move(*split));
+    if (is_stopped_ || !may_have(split->result.mesh) ||
+        !is_better(merit_of(split->result.after), merit_of(best_.result.after)))
+      return false;
+    take_refined(std::move(*split));
+    refinement_.reset();
+    return true;
   }
 
   /// Splits edges of the elements that are left, and optimises the mesh from there, round by round. Takes the best.
@@ -358,7 +359,7 @@ class Runs {
   const OnGeometryHooks& hooks_;
   CheckpointsOfRuns checkpoints_;
   ResultOnGeometry best_;
-  SlideOn best_slide_ = SlideOn::None;  ///< How its nodes have slid.
+  SlideOn best_slide_ = geometry_.slide;  ///< How its nodes have slid.
   bool is_first_ = true;
   std::optional<std::string> refinement_;  ///< What has refined the best mesh, in a sentence.
   bool is_full_ = false;                   ///< Refining would have split more, but the mesh may not grow so far.

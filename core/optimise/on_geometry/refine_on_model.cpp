@@ -37,6 +37,11 @@ Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions
   return report.edges;
 }
 
+std::string full_sentence(std::size_t most_cells) {
+  return "Refining has ended because the mesh may have at most " + std::to_string(most_cells) +
+         " elements; with a larger refine_growth it may go on.";
+}
+
 std::string Refinement::sentence(std::size_t before, std::size_t after) const {
   constexpr std::size_t kShown = 10;
   std::string where;

@@ -29,6 +29,9 @@ struct Refinement {
   std::string sentence(std::size_t before, std::size_t after) const;
 };
 
+/// For a person, if refining ends because the mesh may not have more elements than these.
+std::string full_sentence(std::size_t most_cells);
+
 /// Splits edges of these elements once (core/repair/refine.h) and adds to `done`. Returns how many were split.
 /// `options.fix`, `threads` and `stop` are looked at. Errors: those of associate(). Throws Interrupted if the work is
 /// to stop; the mesh is then as it came.
