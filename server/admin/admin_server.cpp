@@ -89,7 +89,7 @@ void AdminServer::answer(mg_connection* connection) const {
   if (method != "GET" && method != "HEAD")
     return send_http(connection, 405, kTextType, "This address is read-only; use gRPC to submit jobs.\n",
                      "Allow: GET, HEAD\r\n");
-  if (send_page_file(connection, kFiles, path)) return;
+  if (const PageFile* file = find_page_file(kFiles, path)) return send_page_file(connection, *file);
   if (path == "/healthz/live") return send_http(connection, 200, kTextType, "live\n");
   if (path == "/healthz/ready") {
     const bool ready = ready_();

@@ -236,9 +236,7 @@ void HttpExchange::answer(const google::protobuf::Message& message) {
 
 void HttpExchange::answer_json(std::string_view text) { send_http(connection_, 200, kJsonType, text); }
 
-bool HttpExchange::send_page_file(std::span<const PageFile> files) {
-  return server::send_page_file(connection_, files, path());
-}
+void HttpExchange::answer_page_file(const PageFile& file) { send_page_file(connection_, file); }
 
 void HttpExchange::refuse(const grpc::Status& status, int http, const std::string& more) {
   google::rpc::Status full;

@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -103,8 +102,8 @@ class HttpExchange {
   void answer(const google::protobuf::Message& message);
   /// Answers with a document of JSON.
   void answer_json(std::string_view text);
-  /// Answers with the file of a page that has the path of the request. Returns whether there is one.
-  bool send_page_file(std::span<const PageFile> files);
+  /// Answers with a file of a page.
+  void answer_page_file(const PageFile& file);
   /// Answers with the status as google.rpc.Status, and its code as HTTP has it. `http`: another code of HTTP.
   /// `more`: further header lines, each with its end of line.
   void refuse(const grpc::Status& status, int http = 0, const std::string& more = {});

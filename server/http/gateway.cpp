@@ -26,6 +26,10 @@ constexpr int kMostSubmissions = 8, kMostSubmissionsOfPeer = 4;
 /// How many may watch jobs. Each has a thread of its own beside the others.
 constexpr int kMostWatches = 256, kMostWatchesOfPeer = 128;
 
+/// How many files of the page may be on their way, for which nobody has to say who they are. Each has a thread of its
+/// own beside the others.
+constexpr int kMostPageFiles = 32;
+
 /// Whether a page of another site may have sent the request: any of its headers says so, however many there are.
 bool is_from_elsewhere(const HttpExchange& exchange) {
   const std::string own = "http://" + exchange.header("Host");
@@ -48,7 +52,8 @@ Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
       admit_(std::move(admit)),
       transfers_{PeerCounts(kMostTransfers), PeerCounts(kMostTransfersOfPeer), "uploads and downloads over HTTP"},
       submissions_{PeerCounts(kMostSubmissions), PeerCounts(kMostSubmissionsOfPeer), "submissions over HTTP"},
-      watches_{PeerCounts(kMostWatches), PeerCounts(kMostWatchesOfPeer), "watches over HTTP"} {}
+      watches_{PeerCounts(kMostWatches), PeerCounts(kMostWatchesOfPeer), "watches over HTTP"},
+      page_files_{PeerCounts(kMostPageFiles), PeerCounts(0), "files of the page"} {}
 
 Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
                                                   Admit admit) {
@@ -57,7 +62,8 @@ Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, st
                                        "a proxy encrypt for others.");
   if (!is_own_host(address.c_str())) return not_loopback;
   std::unique_ptr<Gateway> gateway(new Gateway(channel, std::move(admit)));
-  const auto listening = gateway->http_.listen(address, "--http", handle, gateway.get(), kHttpThreads + kMostWatches);
+  const auto listening =
+      gateway->http_.listen(address, "--http", handle, gateway.get(), kHttpThreads + kMostWatches + kMostPageFiles);
   if (!listening)
     return listening.error().kind == Error::Kind::BadOption ? not_loopback : tl::unexpected(listening.error());
   return gateway;
@@ -79,7 +85,9 @@ void Gateway::answer(HttpExchange& exchange) const {
   if (exchange.headers("Host").size() != 1 || !is_own_host(exchange.header("Host").c_str()))
     return exchange.refuse(status(bad_request("Only this machine may use this port; use the address 127.0.0.1.")), 421);
   // Other pages may link to the page, which says nothing of jobs, and which they can neither read nor frame.
-  if ((exchange.method() == "GET" || exchange.method() == "HEAD") && exchange.send_page_file(page_files())) return;
+  if (exchange.method() == "GET" || exchange.method() == "HEAD")
+    if (const PageFile* file = find_page_file(page_files(), exchange.path()))
+      return in_place(exchange, exchange.address(), page_files_, [&] { exchange.answer_page_file(*file); });
   if (is_from_elsewhere(exchange))
     return exchange.refuse({grpc::StatusCode::PERMISSION_DENIED, "Pages of other sites may not use this port."});
   const Routed routed = route(exchange.method(), exchange.path());
@@ -130,8 +138,13 @@ void Gateway::work_long(HttpExchange& exchange, Method method, Places& places,
                         const std::function<void()>& work) const {
   const auto peer = admit_(method, exchange.header("Authorization"), exchange.address());
   if (!peer) return exchange.refuse(status(peer.error()));
-  const auto own = places.of_peer.take(*peer), place = places.all.take("");
-  if (own == nullptr) return exchange.refuse(status(peer_limit(*peer, places.of_peer.most(), places.what)));
+  in_place(exchange, *peer, places, work);
+}
+
+void Gateway::in_place(HttpExchange& exchange, const std::string& peer, Places& places,
+                       const std::function<void()>& work) const {
+  const auto own = places.of_peer.take(peer), place = places.all.take("");
+  if (own == nullptr) return exchange.refuse(status(peer_limit(peer, places.of_peer.most(), places.what)));
   if (place == nullptr) return exchange.refuse(status(peer_limit("all callers", places.all.most(), places.what)));
   const auto open = open_.add(exchange.socket());
   work();

@@ -56,6 +56,9 @@ class Gateway {
   };
   /// Does work that keeps a thread for long, if the caller may call the method and there is a place.
   void work_long(HttpExchange& exchange, Method method, Places& places, const std::function<void()>& work) const;
+  /// Does work that keeps a thread for long, if there is a place for this peer.
+  void in_place(HttpExchange& exchange, const std::string& peer, Places& places,
+                const std::function<void()>& work) const;
   void list(HttpExchange& exchange) const;
   void submit(HttpExchange& exchange) const;
 
@@ -63,7 +66,7 @@ class Gateway {
   const std::unique_ptr<v1::MeshService::Stub> meshes_;
   const std::unique_ptr<v1::OptimiseService::Stub> optimise_;
   const Admit admit_;
-  mutable Places transfers_, submissions_, watches_;
+  mutable Places transfers_, submissions_, watches_, page_files_;
   mutable OpenSockets open_;  ///< Of the requests that have such a place.
   mutable Pool large_texts_{1};
   HttpServer http_;  ///< The last member, so that its threads end first.

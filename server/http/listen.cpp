@@ -23,40 +23,53 @@ constexpr const char* kPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'";
 
-/// Sends a body. A client that takes nothing for two seconds is given up, and so is one that has not all of it when the
-/// patience is over.
-void send_body(mg_connection* connection, std::string_view body, std::chrono::milliseconds patience) {
+using Clock = std::chrono::steady_clock;
+
+/// Sends a body, or a part of one. A client that takes nothing for two seconds is given up, and so is one that has not
+/// all of it at the deadline. Returns whether it has.
+bool send_body(mg_connection* connection, std::string_view body, Clock::time_point deadline) {
   constexpr std::size_t kPiece = std::size_t{8} << 10;
-  const auto deadline = std::chrono::steady_clock::now() + patience;
-  while (!body.empty() && std::chrono::steady_clock::now() < deadline) {
+  while (!body.empty()) {
+    if (Clock::now() >= deadline) return false;
     const int sent = mg_write(connection, body.data(), std::min(kPiece, body.size()));
-    if (sent <= 0) return;
+    if (sent <= 0) return false;
     body.remove_prefix(static_cast<std::size_t>(sent));
   }
+  return true;
+}
+
+/// Sends what stands before a body of this size. Returns whether the client wants the body too.
+bool send_head(mg_connection* connection, int status, std::string_view type, std::size_t size, const char* more) {
+  const bool head = std::strcmp(mg_get_request_info(connection)->request_method, "HEAD") == 0;
+  mg_printf(connection,
+            "HTTP/1.1 %d %s\r\nContent-Type: %.*s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\n"
+            "Content-Security-Policy: %s\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
+            "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n%s\r\n",
+            status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(), size,
+            kPolicy, more);
+  return !head;
 }
 
 }  // namespace
 
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more,
                std::chrono::milliseconds patience) {
-  const bool head = std::strcmp(mg_get_request_info(connection)->request_method, "HEAD") == 0;
-  mg_printf(connection,
-            "HTTP/1.1 %d %s\r\nContent-Type: %.*s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\n"
-            "Content-Security-Policy: %s\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
-            "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n%s\r\n",
-            status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
-            body.size(), kPolicy, more);
-  if (!head) send_body(connection, body, patience);
+  if (send_head(connection, status, type, body.size(), more)) send_body(connection, body, Clock::now() + patience);
 }
 
-bool send_page_file(mg_connection* connection, std::span<const PageFile> files, std::string_view path) {
+const PageFile* find_page_file(std::span<const PageFile> files, std::string_view path) {
   const auto file = std::ranges::find(files, path, &PageFile::path);
-  if (file == files.end()) return false;
-  std::string body;
-  for (const std::string_view* part : file->parts) body += *part;
+  return file == files.end() ? nullptr : &*file;
+}
+
+void send_page_file(mg_connection* connection, const PageFile& file) {
+  std::size_t size = 0;
+  for (const std::string_view* part : file.parts) size += part->size();
   constexpr std::chrono::seconds kPatience{5};
-  send_http(connection, 200, file->type, body, "", kPatience);
-  return true;
+  const auto deadline = Clock::now() + kPatience;
+  if (!send_head(connection, 200, file.type, size, "")) return;
+  for (const std::string_view* part : file.parts)
+    if (!send_body(connection, *part, deadline)) return;
 }
 
 bool is_own_host(const char* host) {

@@ -33,9 +33,12 @@ struct PageFile {
   std::vector<const std::string_view*> parts;
 };
 
-/// Sends the file that has this path. Returns whether there is one. Nobody has to say who they are for it, so a client
-/// that takes it slowly is given up.
-bool send_page_file(mg_connection* connection, std::span<const PageFile> files, std::string_view path);
+/// The file that has this path; null: there is none.
+const PageFile* find_page_file(std::span<const PageFile> files, std::string_view path);
+
+/// Sends a file without a copy of it. Nobody has to say who they are for it, so a client that takes it slowly is given
+/// up.
+void send_page_file(mg_connection* connection, const PageFile& file);
 
 /// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
 bool is_own_host(const char* host);
