@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -10,9 +11,11 @@
 #include <iostream>
 #include <regex>
 #include <sstream>
+#include <thread>
 
 #include "client/client.h"
 #include "client/commands/commands.h"
+#include "client/library/authorisation.h"
 #include "client/process/child_program.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
@@ -44,29 +47,38 @@ std::string first_word(const std::string& text) {
   return word;
 }
 
+bool is_set(const char* variable) {
+  const char* value = std::getenv(variable);
+  return value != nullptr && *value != '\0';
+}
+
 /// Opens an address in the browser, if there is a desktop. The token in it must not be an argument, which all users of
-/// the machine can read, so the browser gets a file of this user's that leads there.
-void open_browser(const std::string& address, const std::filesystem::path& folder) {
-  const auto is_set = [](const char* name) {
-    const char* value = std::getenv(name);
-    return value != nullptr && *value != '\0';
-  };
+/// the machine can read, so the browser gets a file of this user's that leads there. Returns whether it was told.
+bool open_browser(const std::string& address, const std::filesystem::path& folder) {
   const std::string opener = find_program("xdg-open");
-  if (opener.empty() || !(is_set("DISPLAY") || is_set("WAYLAND_DISPLAY"))) return;
+  if (opener.empty() || !(is_set("DISPLAY") || is_set("WAYLAND_DISPLAY"))) return false;
   const std::filesystem::path file = folder / "open.html";
   const int descriptor = ::open(file.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
-  if (descriptor < 0) return;
+  if (descriptor < 0) return false;
   const bool written =
       write_all(descriptor, "<!doctype html><meta http-equiv=\"refresh\" content=\"0;url=" + address + "\">\n");
   ::close(descriptor);
   constexpr double kMostSeconds = 10;
-  if (written) run_program(opener, {file.string()}, folder / "opener.log", {.most_seconds = kMostSeconds});
+  if (!written) return false;
+  const ProgramEnd end = run_program(opener, {file.string()}, folder / "opener.log", {.most_seconds = kMostSeconds});
+  return end.way == ProgramEnd::Way::TimeIsOver || (end.way == ProgramEnd::Way::Exited && end.status == 0);
 }
 
 /// Whether the text is the address of a page and nothing else, so that it can stand in a file of HTML.
 bool is_address(const std::string& text) {
   static const std::regex pattern(R"(https?://[A-Za-z0-9.:\[\]-]+(/[A-Za-z0-9._~/-]*)?)");
   return std::regex_match(text, pattern);
+}
+
+/// Whether nobody on the way to this address can read what is sent.
+bool is_private(const std::string& address) {
+  static const std::regex pattern(R"((https://|http://(localhost|127(\.[0-9]{1,3}){3}|\[::1\])(:[0-9]+)?(/|$)).*)");
+  return std::regex_match(address, pattern);
 }
 
 bool is_token(const std::string& text) {
@@ -80,16 +92,35 @@ int open_page(const UiFlags& flags) {
   if (!is_address(flags.page))
     return print_error({Error::Kind::BadOption,
                         "'" + flags.page + "' is not the address of a page; write --page http://127.0.0.1:8080/."});
-  const std::string token = !flags.credentials.token.empty()        ? flags.credentials.token
-                            : !flags.credentials.token_file.empty() ? first_word(text_of(flags.credentials.token_file))
-                                                                    : "";
+  if (!is_private(flags.page))
+    return print_error(
+        {Error::Kind::BadOption,
+         "Tokens and meshes would not be encrypted on the way to '" + flags.page +
+             "'; write https://, or forward the port to this machine and write http://127.0.0.1:8080/."});
+  const auto token = token_of(flags.credentials);
+  if (!token) return print_error(token.error());
+  if (!token->empty() && !is_token(*token))
+    return print_error({Error::Kind::BadOption,
+                        "The token has signs that cannot stand in an address; unset VARIMESH_TOKEN and "
+                        "VARIMESH_TOKEN_FILE, and give the page the token there."});
   const TemporaryFolder folder;
   // The token stays out of the terminal: it is good for longer than this command.
   std::cout << flags.page << std::endl;
-  if (flags.only_prints || folder.path().empty()) return kDone;
-  open_browser(is_token(token) ? flags.page + "#token=" + token : flags.page, folder.path());
-  // The browser reads the file soon after it was told.
-  if (std::filesystem::exists(folder.path() / "open.html")) ::sleep(2);
+  const bool opens = !flags.only_prints && !folder.path().empty() &&
+                     open_browser(token->empty() ? flags.page : flags.page + "#token=" + *token, folder.path());
+  if (!opens) {
+    std::cerr << "Open this address in a browser, and give the page your token if it asks for one." << std::endl;
+    return kDone;
+  }
+  std::cerr << "If no browser opens, open this address in one, and give the page your token if it asks for one."
+            << std::endl;
+  // A browser that has to start first reads the file late.
+  constexpr std::chrono::seconds kForBrowser{30};
+  constexpr std::chrono::milliseconds kBetweenLooks{50};
+  std::cerr << "The file that leads the browser there is deleted after " << kForBrowser.count()
+            << " s; Ctrl-C deletes it at once." << std::endl;
+  const auto end = std::chrono::steady_clock::now() + kForBrowser;
+  while (!interrupted() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(kBetweenLooks);
   return kDone;
 }
 
@@ -102,14 +133,16 @@ std::string make_token(const std::string& program, const std::filesystem::path& 
   return end.way == ProgramEnd::Way::Exited && end.status == 0 && is_token(token) ? token : "";
 }
 
-/// A script that runs a server, and ends it when it is told to or when this command is gone, even if it was killed. $1
-/// is the process of this command, and the other arguments are the server's command line.
-constexpr const char* kKeeper = R"(command=$1; shift
+/// A script that runs a server, and ends it when it is told to or when this command is gone, even if it was killed. It
+/// removes the folder of a command that is gone. $1 is the process of this command, $2 is the folder, and the other
+/// arguments are the server's command line.
+constexpr const char* kKeeper = R"(command=$1; folder=$2; shift 2; told=
+trap 'told=yes' TERM INT HUP
 "$@" & server=$!
-trap 'kill "$server" 2>/dev/null' TERM INT HUP
-while kill -0 "$command" 2>/dev/null && kill -0 "$server" 2>/dev/null; do sleep 0.5; done
+while [ -z "$told" ] && kill -0 "$command" 2>/dev/null && kill -0 "$server" 2>/dev/null; do sleep 0.5; done
 kill "$server" 2>/dev/null
-wait "$server")";
+while kill -0 "$server" 2>/dev/null; do wait "$server"; done
+kill -0 "$command" 2>/dev/null || rm -rf "$folder")";
 
 /// Runs a server until it is interrupted.
 int serve(const UiFlags& flags) {
@@ -131,6 +164,7 @@ int serve(const UiFlags& flags) {
                                      kKeeper,
                                      "varimeshd",
                                      std::to_string(::getpid()),
+                                     folder.path().string(),
                                      program,
                                      "--listen",
                                      "unix:" + (folder.path() / "socket").string(),
@@ -139,6 +173,7 @@ int serve(const UiFlags& flags) {
                                      "--tokens",
                                      (folder.path() / "tokens").string()};
   if (!flags.state.empty()) arguments.insert(arguments.end(), {"--state", flags.state});
+  const bool keeps_jobs = !flags.state.empty() || is_set("VARIMESH_STATE");
   const auto log = folder.path() / "log";
   bool is_open = false;
   Meanwhile meanwhile{.seconds_between = 0.1, .end_signal = SIGTERM};
@@ -152,7 +187,7 @@ int serve(const UiFlags& flags) {
     std::cout << address << std::endl;
     std::cerr << "Open this address in a browser. Nobody else on this machine can use it without what follows '#'. "
                  "Ctrl-C ends the server"
-              << (flags.state.empty() ? ", and its jobs with it." : ".") << std::endl;
+              << (keeps_jobs ? "; its jobs stay." : ", and its jobs with it.") << std::endl;
     if (!flags.only_prints) open_browser(address, folder.path());
   };
   run_program("/bin/sh", arguments, log, meanwhile);

@@ -43,8 +43,14 @@ class Ui(WithFolder):
             urllib.request.urlopen(address, timeout=20)
 
     def test_its_server_ends_with_it_even_if_it_is_killed(self):
+        for number in (signal.SIGKILL, signal.SIGHUP, signal.SIGTERM):
+            with self.subTest(number):
+                self.check_end(number)
+
+    def check_end(self, number):
         address, _ = self.start("--only-print", TMPDIR=str(self.folder))
-        self.process.kill()
+        self.assertNotEqual(os.listdir(self.folder), [])
+        self.process.send_signal(number)
         self.process.wait(20)
         deadline = time.monotonic() + 30
         while True:
@@ -54,6 +60,17 @@ class Ui(WithFolder):
                 break
             self.assertLess(time.monotonic(), deadline, "the server is still there")
             time.sleep(0.1)
+        while left := os.listdir(self.folder):
+            self.assertLess(time.monotonic(), deadline, left)
+            time.sleep(0.1)
+
+    def test_says_whether_its_jobs_end_with_it(self):
+        for flags, environment, ends in (([], {}, True), (["--state", str(self.folder / "one")], {}, False), ([], {"VARIMESH_STATE": str(self.folder / "two")}, False)):
+            self.start("--only-print", *flags, **environment)
+            self.assertEqual("its jobs with it" in self.process.stderr.readline(), ends, (flags, environment))
+            self.process.send_signal(signal.SIGINT)
+            self.process.wait(40)
+        self.assertEqual(sorted(os.listdir(self.folder)), ["one", "two"])
 
     def test_gives_the_browser_the_token_in_a_file(self):
         opener = self.folder / "xdg-open"
@@ -81,7 +98,36 @@ class Ui(WithFolder):
         done = run("ui", "--page", "http://127.0.0.1:8080/", "--only-print", env={**os.environ, "VARIMESH_TOKEN": "secret"})
         self.assertEqual((done.returncode, done.stdout), (0, "http://127.0.0.1:8080/\n"))
         for wrong in ("127.0.0.1:8080", "javascript:alert(1)", 'http://x/"><script>', "http://x/#token=y", "file:///etc/passwd"):
-            self.assertEqual(run("ui", "--page", wrong).returncode, 2, wrong)
+            self.assertEqual(run("ui", "--page", wrong, "--only-print").returncode, 2, wrong)
+
+    def test_sends_no_token_unencrypted(self):
+        for page in ("http://127.0.0.1.example/", "http://10.0.0.1:8080/", "http://localhost.example", "http://example/127.0.0.1/"):
+            done = run("ui", "--page", page, "--only-print", env={**os.environ, "VARIMESH_TOKEN": "secret"})
+            self.assertEqual((done.returncode, done.stdout), (2, ""), page)
+            self.assertIn("https://", done.stderr)
+        for page in ("https://mesh.example/", "http://localhost:8080/", "http://127.0.0.1", "http://[::1]:8080/"):
+            self.assertEqual(run("ui", "--page", page, "--only-print").returncode, 0, page)
+
+    def test_names_a_file_of_a_token_that_it_cannot_read(self):
+        missing = self.folder / "no-token"
+        done = run("ui", "--page", "http://127.0.0.1:8080/", "--only-print", env={**os.environ, "VARIMESH_TOKEN": "", "VARIMESH_TOKEN_FILE": str(missing)})
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn(str(missing), done.stderr)
+        done = run("ui", "--page", "http://127.0.0.1:8080/", "--only-print", env={**os.environ, "VARIMESH_TOKEN": 'a"><b'})
+        self.assertEqual(done.returncode, 2, done.stderr)
+
+    def test_keeps_the_file_of_the_token_until_a_slow_browser_has_read_it(self):
+        opener = self.folder / "xdg-open"
+        opener.write_text(f'#!/bin/sh\n(sleep 5; cat "$1" > {self.folder}/read) > {self.folder}/log 2>&1 &\n')
+        opener.chmod(0o755)
+        process = subprocess.Popen([VARIMESH, "ui", "--page", "http://127.0.0.1:8080/"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                   env={**os.environ, "VARIMESH_TOKEN": "secret", "DISPLAY": ":99", "PATH": f"{self.folder}:{os.environ['PATH']}"})
+        self.addCleanup(lambda: (process.poll() is None and process.kill(), process.communicate()))
+        self.assertIn("If no browser opens", process.stderr.readline())
+        time.sleep(6)
+        self.assertIn("#token=secret", (self.folder / "read").read_text())
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(20), 0)
 
 
 if __name__ == "__main__":
