@@ -190,9 +190,10 @@ void Run::raise_low() {
   if (asked.what == Asked::What::Loss && !outcome.interrupted && are_valid(certificates_)) raise_to(asked.bound);
   if (outcome.interrupted) grace_.say_stopped(result_);
   if (made_valid.empty() && outcome.raised.empty()) return;
-  const std::vector<double>& start = set_up_.mesh.coordinates;
-  if (came_valid() && !keeps_loss({.loss = local_loss(set_up_.mesh, result_.mesh.coordinates, team_)},
-                                  {.loss = local_loss(set_up_.mesh, start, team_)})) {
+  const auto loss_at = [&](const std::vector<double>& at) {
+    return Merit{.loss = local_loss(set_up_.mesh, at, team_.without_stop())};
+  };
+  if (came_valid() && !keeps_loss(loss_at(result_.mesh.coordinates), loss_at(set_up_.mesh.coordinates))) {
     result_.mesh.coordinates = coordinates;
     certificates_ = before;
     return;
@@ -322,11 +323,13 @@ bool Run::descends_again(bool& last) {
   most_accurate_ = descent_->take_best();
   std::vector<double> factors = descent_->factors();
   descent_.reset();
+  // From here on, an interrupted run has no guard until there is one for the new targets (finish_stages).
+  result_.proof_seconds += guard_->seconds();
+  guard_.reset();
   std::vector<double> before = std::exchange(set_up_.mesh.coordinates, most_accurate_.coordinates);
   if (++descents_ == 1) before_descents_ = std::move(before);
   team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
   choose_targets(set_up_, *certifier_, frame_, team_);
-  result_.proof_seconds += guard_->seconds();
   team_.run([&] {
     guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, most_accurate_.certificates, team_);
     DescentContext context = descent_context();

@@ -101,7 +101,10 @@ class Run {
   void untangle_from_here();
   /// Brings the guard's kept state up to date.
   void settle();
+  void settle_and_take_mesh();
+  /// Takes the mesh of the guard, or the best one that a stage or a descent has kept.
   void take_mesh();
+  void take_most_accurate();
   std::uint64_t fingerprint_of_stage() const;
 
   // ===== run.cpp: the descents of Objective::Accuracy, after the only stage =====

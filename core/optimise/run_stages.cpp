@@ -232,13 +232,10 @@ void Run::finish_stages() {
     stage_run_.reset();  // frees what Newton's method needed
     drop_deformation(set_up_.problem);
     const Stopwatch watch;
-    // The kept state is whole whatever interrupts the guard.
-    grace_.finish([&] { settle(); },
-                  [&] {
-                    grace_.say_stopped(result_);
-                    team_.run([&] { guard_->return_to_best(); });
-                  });
-    take_mesh();
+    if (guard_)
+      settle_and_take_mesh();
+    else  // interrupted between two descents
+      take_most_accurate();
     if (descents_ > 0) set_up_.mesh.coordinates = std::move(before_descents_);
     result_.seconds += watch.seconds();
   } else {  // interrupted before the first stage: the mesh as it came, with the certificates that it has
@@ -294,17 +291,28 @@ void Run::settle() {
   });
 }
 
+void Run::settle_and_take_mesh() {
+  // The kept state is whole whatever interrupts the guard.
+  grace_.finish([&] { settle(); },
+                [&] {
+                  grace_.say_stopped(result_);
+                  team_.run([&] { guard_->return_to_best(); });
+                });
+  take_mesh();
+}
+
+void Run::take_most_accurate() {
+  result_.mesh.coordinates = std::move(most_accurate_.coordinates);
+  certificates_ = std::move(most_accurate_.certificates);
+}
+
 void Run::take_mesh() {
   certificates_ = guard_->certificates();
   const Merit at_end = merit_of(summarise(certificates_));
   const bool keeps_best = options_.until_js > 0 || set_up_.stages.size() > 1;
   const bool takes_best = keeps_best && !best_->coordinates().empty() && !is_better(at_end, best_->merit());
   result_.proof_seconds += guard_->seconds();
-  if (!most_accurate_.coordinates.empty() && !is_better(at_end, most_accurate_.merit)) {
-    result_.mesh.coordinates = std::move(most_accurate_.coordinates);
-    certificates_ = std::move(most_accurate_.certificates);
-    return;
-  }
+  if (!most_accurate_.coordinates.empty() && !is_better(at_end, most_accurate_.merit)) return take_most_accurate();
   team_.run([&] { result_.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
   if (!takes_best) return;
   const auto certify = [&](const Team& team) {

@@ -69,6 +69,23 @@ TEST_P(RunOfEveryPhase, EndsWhenItIsStopped) {
   stop_at_random_looks(testing::runs_of_all_phases()[static_cast<std::size_t>(GetParam())], 16);
 }
 
+/// Once an interrupted raise has moved cells, the loss is compared without another look.
+TEST(RaisedCells, AreKeptWhenTheRunIsStopped) {
+  const auto runs = testing::runs_of_all_phases();
+  const RunToStop& run = *std::ranges::find(runs, "raising_a_valid_mesh", &RunToStop::name);
+  const std::int64_t looks = looks_of(run);
+  int raised = 0;
+  for (std::int64_t last = looks - 60; last <= looks; last += 4) {
+    StopAt stop{last};
+    SCOPED_TRACE(std::to_string(last) + " of " + std::to_string(looks));
+    const Result result = stop.run(run);
+    testing::expect_sound(run, result);
+    for (const std::string& note : result.notes)
+      raised += note.find("was raised in small patches") != std::string::npos;
+  }
+  EXPECT_GT(raised, 8);
+}
+
 TEST_P(RunOfEveryPhase, GoesOnToTheSameBitsIfItIsNotStopped) {
   const RunToStop run = testing::runs_of_all_phases()[static_cast<std::size_t>(GetParam())];
   StopAt never{std::numeric_limits<std::int64_t>::max()};

@@ -68,6 +68,10 @@ inline std::vector<RunToStop> runs_of_all_phases() {
   add("accuracy", read_case("nine_triangles.msh"), [](Options& o) { o.objective = Objective::Accuracy; });
   add("accuracy_of_a_valid_mesh", pushed(Filling::Tetrahedra, {3, 3, 2}, 3, 0.01),
       [](Options& o) { o.objective = Objective::Accuracy; });
+  add("raising_a_valid_mesh", pushed(Filling::Pyramids, {3, 3, 2}, 2, 0.02), [](Options& o) {
+    o.objective = Objective::Accuracy;
+    o.min_js = 0.8;
+  });
   add("until_js", read_case("annulus_p3.msh"), [](Options& o) { o.until_js = 0.99; });
   add("change_of_order", pushed(Filling::Prisms, {2, 2, 2}, 2, 0.02), [](Options& o) { o.order = 4; });
   add("two_threads", pushed(Filling::Pyramids, {2, 2, 2}, 3, 0.08), [](Options& o) { o.threads = 2; });
