@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/base/shared_work.h"
 #include "core/kernels/p_norm.h"
 #include "core/merit/thresholds.h"
+#include "core/problem/node_conversion.h"
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/solvers/descent/has_loss.h"
@@ -67,7 +69,8 @@ Descent::Descent(const DescentContext& context)
       weights_(problem_.cells),
       lost_(problem_.cells, 0),
       uncertified_(problem_.cells, 0),
-      asked_(context.asked) {
+      asked_(context.asked),
+      earlier_minima_(kRoundsOfPace, -std::numeric_limits<double>::infinity()) {
   barrier_.weigh(weights_, problem_.cells);
   barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
   const std::vector<Standing> standings = context.guard.standings();
@@ -238,57 +241,6 @@ void Descent::accept(const State& state) {
     asked_.highest_minimum = std::max(asked_.highest_minimum, state.merit.smallest);
 }
 
-template <class Archive>
-void Descent::state(Archive& archive) {
-  std::vector<double> accepted;
-  if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
-  archive(factors_, first_gradient_, start_loss_, last_loss_, asked_.least_loss, raises_, caution_, raises_lost_,
-          settling_, best_settling_, settled_js_, last_move_, accepted, accepted_loss_, accepted_js_,
-          asked_.highest_minimum, best_.coordinates, best_.merit.uncertified, best_.merit.smallest, best_.merit.loss,
-          best_.merit.lower_than_it_came);
-  if constexpr (Archive::kReads)
-    if (archive.failed() || !restore(accepted)) archive.fail();
-}
-
-void Descent::write(CheckpointWriter& writer) {
-  writer(from_);
-  for (const CellSet& set : problem_.sets)
-    writer(std::vector<double>(set.delta_squared.begin(), set.delta_squared.end()));
-  state(writer);
-}
-
-void Descent::read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader) {
-  Problem& problem = context.problem;
-  const std::vector<double> positions = problem.positions;
-  std::vector<double> from;
-  reader(from);
-  // The constructor measures the mesh where the descent began.
-  if (reader.failed() || !set_free_positions(problem, from, problem.positions)) return reader.fail();
-  descent.emplace(context);
-  problem.positions = positions;
-  for (CellSet& set : problem.sets) {
-    std::vector<double> delta_squared;
-    reader(delta_squared);
-    if (reader.failed() || delta_squared.size() != set.delta_squared.size()) return reader.fail();
-    std::ranges::copy(delta_squared, set.delta_squared.begin());
-  }
-  descent->state(reader);
-}
-
-bool Descent::restore(const std::vector<double>& accepted) {
-  accepted_ = problem_.positions;
-  if (!set_free_positions(problem_, accepted, accepted_) || factors_.size() != weights_.size() ||
-      best_.coordinates.size() != context_.mesh.coordinates.size())
-    return false;
-  if (context_.came_valid) asked_.loss_as_it_came = start_loss_;
-  State best = best_;
-  best.certificates.resize(context_.certifier.cells());
-  context_.certifier.certify(best.coordinates, best.certificates, team_);
-  judge(best);
-  best_.certificates = std::move(best.certificates);
-  return true;
-}
-
 /// Once, if the rounds would end below the bound and the last one has cost cells their certificate: goes on from here
 /// with rounds that raise such cells, and the cells below the bound. Returns whether it does.
 bool Descent::begin_to_raise_lost() {
@@ -298,6 +250,11 @@ bool Descent::begin_to_raise_lost() {
   raises_ = kMostRaises / 2;
   caution_ = 1;
   std::ranges::fill(factors_, 1.0);
+  // In place: others keep where the positions are.
+  const Team team = team_.without_stop();
+  std::ranges::copy(solver_positions(context_.mesh, best_.coordinates, frame_of(context_.mesh, team), team),
+                    problem_.positions.begin());
+  team_.run([&] { context_.guard.certify_moved(); });
   return true;
 }
 
@@ -326,6 +283,16 @@ bool Descent::refines(const Merit& merit) const {
   best.smallest = merit.smallest;
   best.loss *= threshold::kLossGivenForMinimum;
   return !is_better(best, merit, asked_);
+}
+
+/// Notes the highest minimum so far. Returns whether the bound would be reached within kMostRaisesInReach at the pace
+/// of the last rounds.
+bool Descent::comes_to_bound() {
+  const double highest = asked_.highest_minimum;
+  const double rise = (highest - earlier_minima_.front()) / static_cast<double>(earlier_minima_.size());
+  std::ranges::rotate(earlier_minima_, earlier_minima_.begin() + 1);
+  earlier_minima_.back() = highest;
+  return highest + (kMostRaisesInReach - raises_) * rise >= asked_.bound;
 }
 
 /// Whether the curvature costs a solver anything beside the size of the cells. As the loss goes to 0, so does what
@@ -374,8 +341,9 @@ DescentRound Descent::round() {
   if (reaches) asked_.least_loss = std::min(asked_.least_loss, merit.loss);
   const bool has_come_to_end = settled || std::isfinite(settled_js_);
   const bool costs = reaches && has_come_to_end && merit.loss > threshold::kLossGivenForMinimum * asked_.least_loss;
-  const bool in_reach = !reaches && merit.smallest >= threshold::kInReach * asked_.bound;
   const bool falls = merit.loss < threshold::kFalls * last_loss_;
+  const bool keeps_pace = comes_to_bound();
+  const bool in_reach = !reaches && merit.smallest >= threshold::kInReach * asked_.bound && (falls || keeps_pace);
   // If no mesh so far reaches the bound or comes near it, more weight for low cells is worth it only as long as
   // something gains. A mesh that keeps invalid cells is such a mesh.
   const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_);

@@ -137,6 +137,7 @@ class Descent {
   void minimise(DescentRound& round);
   bool has_settled(double move) const;
   bool refines(const Merit& merit) const;
+  bool comes_to_bound();
   bool is_worth_more(const Merit& merit) const;
   void keep_certificates();
   /// Gives cells with a scaled Jacobian below `wanted` more weight; returns how many there are. `margin`: how far the
@@ -150,6 +151,9 @@ class Descent {
   bool restore(const std::vector<double>& accepted);
   bool begin_to_raise_lost();
   void take_back();
+
+  /// Rounds by which it is judged whether the bound is in reach.
+  static constexpr std::size_t kRoundsOfPace = 3;
 
   DescentContext context_;
   Problem& problem_;
@@ -178,6 +182,8 @@ class Descent {
   std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
   double accepted_loss_ = 0, accepted_js_ = -1;
   Asked asked_;
+  /// The highest minimum after each of the last rounds, the earliest first.
+  std::vector<double> earlier_minima_;
   State best_;
 };
 

@@ -11,7 +11,7 @@
 namespace varimesh {
 namespace {
 
-constexpr double kPower = 8;  // of the norm M
+constexpr int kPower = 8;  // of the norm M; look() and fill_rows() write it out
 /// Samples whose level is at most this much above the smallest take part in a step, but no more than kMostRows.
 constexpr double kBand = 0.15;
 constexpr std::size_t kMostRows = 600;
@@ -55,43 +55,53 @@ MaxMinPatch::MaxMinPatch(std::vector<Cell> cells, std::vector<std::int32_t> free
 
 // ===== the cells at some coordinates =====
 
-MaxMinPatch::Derivatives MaxMinPatch::derivatives(const Cell& cell, const std::vector<double>& coordinates) const {
-  Eigen::MatrixXd x(static_cast<Eigen::Index>(cell.nodes.size()), dimension_);
-  for (Eigen::Index n = 0; n < x.rows(); ++n)
-    for (int c = 0; c < dimension_; ++c) x(n, c) = coordinates[3 * at(cell.nodes[at(n)]) + at(c)];
-  Derivatives result;
-  for (const auto& gradient : *cell.samples) result.emplace_back(gradient * x);
-  return result;
+void MaxMinPatch::differentiate(const Cell& cell, const std::vector<double>& coordinates, ByPoint& derivatives) const {
+  thread_local std::vector<double> x;
+  const std::size_t d = at(dimension_);
+  x.resize(d * cell.nodes.size());
+  for (std::size_t n = 0; n < cell.nodes.size(); ++n) std::copy_n(&coordinates[3 * at(cell.nodes[n])], d, &x[d * n]);
+  derivatives.resize(d * d * cell.samples->padded_points());
+  cell.samples->differentiate(x.data(), derivatives.data());
 }
 
-MaxMinPatch::Derivatives MaxMinPatch::cofactors(const Derivatives& f) const {
-  Derivatives result(f.size(), Eigen::MatrixXd(f[0].rows(), dimension_));
-  if (dimension_ == 2) {
-    result[0] << f[1].col(1), -f[1].col(0);
-    result[1] << -f[0].col(1), f[0].col(0);
-    return result;
-  }
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Eigen::MatrixXd &a = f[(k + 1) % 3], &b = f[(k + 2) % 3];
-    for (int c = 0; c < 3; ++c) {
-      const int d = (c + 1) % 3, e = (c + 2) % 3;
-      result[k].col(c) = a.col(d).cwiseProduct(b.col(e)) - a.col(e).cwiseProduct(b.col(d));
+void MaxMinPatch::find_cofactors(const ByPoint& f, ByPoint& cofactors) const {
+  const std::size_t d = at(dimension_), points = f.size() / (d * d);
+  cofactors.resize(f.size());
+  const auto of = [&](std::size_t k, std::size_t c) { return f.data() + (k * d + c) * points; };
+  const auto to = [&](std::size_t k, std::size_t c) { return cofactors.data() + (k * d + c) * points; };
+  for (std::size_t k = 0; k < d; ++k)
+    for (std::size_t c = 0; c < d; ++c) {
+      double* const out = to(k, c);
+      if (d == 2) {
+        const double *const other = of(1 - k, 1 - c), sign = k == c ? 1 : -1;
+        for (std::size_t i = 0; i < points; ++i) out[i] = sign * other[i];
+        continue;
+      }
+      const std::size_t a = (k + 1) % 3, b = (k + 2) % 3, p = (c + 1) % 3, q = (c + 2) % 3;
+      const double *const ap = of(a, p), *const aq = of(a, q), *const bp = of(b, p), *const bq = of(b, q);
+      for (std::size_t i = 0; i < points; ++i) out[i] = ap[i] * bq[i] - aq[i] * bp[i];
     }
-  }
-  return result;
 }
 
 MaxMinPatch::Seen MaxMinPatch::look(const Cell& cell, const std::vector<double>& coordinates) const {
-  const Derivatives f = derivatives(cell, coordinates);
+  thread_local ByPoint f, cofactors;
+  differentiate(cell, coordinates, f);
+  find_cofactors(f, cofactors);
+  const std::size_t points = cell.samples->padded_points();
   Seen seen;
-  seen.jacobian = f[0].cwiseProduct(cofactors(f)[0]).rowwise().sum();
+  seen.jacobian.resize(static_cast<Eigen::Index>(cell.samples->points()));
+  for (std::size_t i = 0; i < cell.samples->points(); ++i) {
+    double sum = 0;
+    for (std::size_t c = 0; c < at(dimension_); ++c) sum += f[c * points + i] * cofactors[c * points + i];
+    seen.jacobian(static_cast<Eigen::Index>(i)) = sum;
+  }
   const double largest = seen.jacobian.cwiseAbs().maxCoeff();
   const double smallest = seen.jacobian.minCoeff(), highest = seen.jacobian.maxCoeff();
   if (!(largest > 0) || !std::isfinite(largest)) {
     seen.level = seen.scaled_jacobian = -1;
     return seen;
   }
-  seen.norm = largest * std::pow((seen.jacobian / largest).array().abs().pow(kPower).mean(), 1 / kPower);
+  seen.norm = largest * std::pow((seen.jacobian / largest).array().square().square().square().mean(), 1.0 / kPower);
   seen.level = smallest / seen.norm;
   seen.scaled_jacobian = highest > 0 ? std::max(-1.0, smallest / highest) : -1;
   return seen;
@@ -133,14 +143,23 @@ bool MaxMinPatch::is_reached(const std::vector<Seen>& seen, double aim) const {
 
 void MaxMinPatch::fill_rows(const Cell& cell, const Seen& seen, const std::vector<Eigen::Index>& samples,
                             const std::vector<double>& coordinates, Slopes& slopes, Rows& rows) const {
-  const Derivatives C = cofactors(derivatives(cell, coordinates));
-  const SampleTable& gradients = *cell.samples;
+  thread_local ByPoint f, cofactors, weighted;
+  differentiate(cell, coordinates, f);
+  find_cofactors(f, cofactors);
+  const SampleTable& table = *cell.samples;
+  const std::size_t d = at(dimension_), points = table.padded_points();
   // dM = Σ_i weight_i dJ_i
-  const Eigen::ArrayXd relative = seen.jacobian.array() / seen.norm;
-  const Eigen::VectorXd weight =
-      (relative.abs().pow(kPower - 2) * relative / static_cast<double>(relative.size())).matrix();
-  Eigen::MatrixXd of_norm = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(cell.nodes.size()), dimension_);
-  for (std::size_t k = 0; k < C.size(); ++k) of_norm += gradients[k].transpose() * (weight.asDiagonal() * C[k]);
+  weighted.assign(cofactors.size(), 0.0);
+  for (std::size_t i = 0; i < table.points(); ++i) {
+    const double relative = seen.jacobian(static_cast<Eigen::Index>(i)) / seen.norm;
+    const double square = relative * relative;
+    const double weight = square * square * square * relative / static_cast<double>(table.points());
+    for (std::size_t each = 0; each < d * d; ++each)
+      weighted[each * points + i] = weight * cofactors[each * points + i];
+  }
+  thread_local std::vector<double> of_norm;
+  of_norm.resize(d * table.nodes());
+  table.add_up(weighted.data(), of_norm.data());
   slopes.rows.resize(static_cast<Eigen::Index>(samples.size()),
                      dimension_ * static_cast<Eigen::Index>(cell.local.size()));
   for (std::size_t s = 0; s < samples.size(); ++s) {
@@ -148,10 +167,12 @@ void MaxMinPatch::fill_rows(const Cell& cell, const Seen& seen, const std::vecto
     const double level = seen.jacobian(i) / seen.norm;
     rows.level(slopes.first + row) = level + cell.shift;
     for (std::size_t n = 0; n < cell.local.size(); ++n)
-      for (int c = 0; c < dimension_; ++c) {
-        double slope = -level * of_norm(cell.local[n], c);
-        for (std::size_t k = 0; k < C.size(); ++k) slope += gradients[k](i, cell.local[n]) * C[k](i, c);
-        slopes.rows(row, static_cast<Eigen::Index>(n) * dimension_ + c) = slope / seen.norm * size_[at(cell.place[n])];
+      for (std::size_t c = 0; c < d; ++c) {
+        const std::size_t node = at(cell.local[n]);
+        double slope = -level * of_norm[node * d + c];
+        for (std::size_t k = 0; k < d; ++k)
+          slope += table.gradient(at(i), node, k) * cofactors[(k * d + c) * points + at(i)];
+        slopes.rows(row, static_cast<Eigen::Index>(n * d + c)) = slope / seen.norm * size_[at(cell.place[n])];
       }
   }
 }

@@ -8,12 +8,9 @@
 
 #include "core/base/team.h"
 #include "core/reference/shape.h"
+#include "core/solvers/maxmin/sample_table.h"
 
 namespace varimesh {
-
-/// Gradients of the basis of one shape and order at the samples: one points × nodes matrix per direction. The samples
-/// are the uniform lattice of 2 P + 2 intervals.
-using SampleTable = std::vector<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
 
 /// Solves: over the free nodes of the patch, raise the smallest level of its cells.
 ///
@@ -36,7 +33,7 @@ class MaxMinPatch {
     std::int32_t number = 0;  ///< In the mesh.
     Shape shape = Shape::Triangle;
     std::span<const std::int32_t> nodes;
-    const SampleTable* samples = nullptr;
+    const SampleTable* samples = nullptr;  ///< At the uniform lattice of 2 P + 2 intervals, or a finer one.
     /// Its level counts as this much higher. A cell that has reached its limit elsewhere so does not hold the others.
     double shift = 0;
     std::vector<int> local;  ///< The free nodes by their number in the cell, and
@@ -89,10 +86,12 @@ class MaxMinPatch {
   Eigen::VectorXd times(const Rows& rows, const Eigen::VectorXd& z) const;                   ///< A z
   Eigen::VectorXd transposed_times(const Rows& rows, const Eigen::VectorXd& weights) const;  ///< Aᵀ w
   Eigen::VectorXd column(const Rows& rows, Eigen::Index row) const;                          ///< Of A Aᵀ.
-  using Derivatives = std::vector<Eigen::MatrixXd>;  ///< By direction: points × dimension.
+  /// [direction][component][padded point]
+  using ByPoint = std::vector<double>;
 
-  Derivatives derivatives(const Cell& cell, const std::vector<double>& coordinates) const;
-  Derivatives cofactors(const Derivatives& derivatives) const;
+  void differentiate(const Cell& cell, const std::vector<double>& coordinates, ByPoint& derivatives) const;
+  /// Of the derivatives: ∂J/∂F.
+  void find_cofactors(const ByPoint& derivatives, ByPoint& cofactors) const;
   Seen look(const Cell& cell, const std::vector<double>& coordinates) const;
   /// Looks at all cells and returns their smallest level.
   double look_at_all(const std::vector<double>& coordinates, std::vector<Seen>& seen, const Team& team) const;

@@ -18,13 +18,11 @@ namespace {
 
 /// What a cell needs at the samples so that its certificate is likely.
 constexpr double kEnoughForValid = threshold::kWeak;
-/// Larger tables than this many numbers per direction are not made.
-constexpr std::int64_t kMostInTable = 2'000'000;
-/// The same for tables whose spacing was halved twice: 12 MB, about what the estimate of memory has to spare.
-/// Tetrahedra up to order 4 have them.
-constexpr std::int64_t kMostInClosestTable = 500'000;
 /// Looks at cells: per cell of the mesh, and at least. A patch takes some hundreds.
 constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
+/// If cells are valid and only to be raised, a look at a cell whose table has more numbers per direction than this
+/// counts as several looks. A quartic hexahedron has seven times as many.
+constexpr std::int64_t kNumbersPerLook = 25'000;
 /// A cell this near to the smallest level of its patch has reached its limit.
 constexpr double kAtLimit = 1e-3;
 /// Of cells around a low one. On a mesh with 44 cells below .1, one layer leaves 7 of them, and two leave none.
@@ -36,7 +34,7 @@ constexpr std::int32_t kGrain = 16;
 
 /// If J is negative between the samples of a cell, their spacing is halved, at most so often; and a patch is raised
 /// again, at most so often. Two cells of docs/untangling.md need three rounds.
-constexpr int kMostHalvings = 2, kMostRounds = 4;
+constexpr int kMostRounds = 4;
 
 class Raiser {
  public:
@@ -51,6 +49,7 @@ class Raiser {
         aim_(task.aim),
         team_(team),
         cells_(task.mesh, task.mesh.dimension),
+        tables_(task.mesh.order, task.mesh.dimension),
         memory_(memory),
         left_(std::max(kLeastLooks, kLooksPerCell * static_cast<std::int64_t>(cells_.count())) - memory.looks),
         most_looks_(most_looks) {
@@ -104,28 +103,12 @@ class Raiser {
  private:
   // ===== which cells =====
 
-  /// The samples on the lattice of patch.h, with its spacing halved this many times.
-  const SampleTable* table(Shape shape, int halvings = 0) {
-    const auto found = tables_.find({shape, halvings});
-    if (found != tables_.end()) return found->second ? &*found->second : nullptr;
-    const int intervals = (1 << halvings) * (2 * mesh_.order + 2);
-    std::optional<SampleTable>& made = tables_[{shape, halvings}];
-    const reference::Points points = reference::uniform_lattice(shape, intervals);
-    const std::int64_t most = halvings < kMostHalvings ? kMostInTable : kMostInClosestTable;
-    if (points.rows() * reference::node_count(shape, mesh_.order) > most) return nullptr;
-    made.emplace();
-    for (Eigen::MatrixXd& gradient :
-         reference::basis_gradients(shape, mesh_.order, reference::NodeSet::Equispaced, mesh_.dimension, points))
-      made->emplace_back(gradient);
-    return &*made;
-  }
-
   MaxMinPatch::Cell patch_cell(std::int32_t cell) {
     MaxMinPatch::Cell result;
     result.number = cell;
     result.shape = cells_.shape(at(cell));
     result.nodes = cells_.nodes(at(cell));
-    result.samples = table(result.shape);
+    result.samples = tables_.table(result.shape);
     result.shift = memory_.shift[at(cell)];
     return result;
   }
@@ -143,7 +126,7 @@ class Raiser {
     for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell)
       if (may_be_low(cell)) found.emplace_back(0, cell);
     if (found.empty()) return {};
-    for (const Cells::Range& range : cells_.ranges()) table(range.block->shape);
+    for (const Cells::Range& range : cells_.ranges()) tables_.table(range.block->shape);
     team_.for_each(static_cast<std::int32_t>(found.size()), kGrain,
                    [&](std::int32_t k) { found[at(k)].first = sampled(found[at(k)].second); });
     std::erase_if(found,
@@ -261,11 +244,21 @@ class Raiser {
     return true;
   }
 
+  /// What looks at cells of a patch count.
+  std::int64_t cost_of(std::int64_t looks, const MaxMinPatch& patch) const {
+    if (aim_ == 0) return looks;
+    std::int64_t numbers = 0;
+    for (const MaxMinPatch::Cell& cell : patch.cells())
+      numbers += static_cast<std::int64_t>(cell.samples->points() * cell.samples->nodes());
+    const std::int64_t most = kNumbersPerLook * static_cast<std::int64_t>(patch.cells().size());
+    return numbers > most ? looks * numbers / most : looks;
+  }
+
   /// Raises the patch, and certifies its cells.
   MaxMinPatch::Levels raise(MaxMinPatch& patch, const std::vector<std::int32_t>& around) {
     MaxMinPatch::Levels now = patch.raise(coordinates_, std::max(aim_, kEnoughForValid), team_);
-    left_ -= now.looks;
-    memory_.looks += now.looks;
+    left_ -= cost_of(now.looks, patch);
+    memory_.looks += cost_of(now.looks, patch);
     ++patches_;
     certifier_.certify(coordinates_, around, certificates_, team_);
     return now;
@@ -281,8 +274,9 @@ class Raiser {
       const std::vector<std::int32_t> doubtful = before.not_kept(middle);
       bool is_closer = false;
       for (MaxMinPatch::Cell& each : cells) {
-        if (!std::ranges::binary_search(doubtful, each.number) || halvings[each.number] == kMostHalvings) continue;
-        const SampleTable* const closer = table(each.shape, ++halvings[each.number]);
+        if (!std::ranges::binary_search(doubtful, each.number) || halvings[each.number] == SampleTables::kMostHalvings)
+          continue;
+        const SampleTable* const closer = tables_.table(each.shape, ++halvings[each.number]);
         if (closer == nullptr) return round > 0;
         each.samples = closer;
         each.shift = 0;
@@ -367,7 +361,7 @@ class Raiser {
   double aim_;
   const Team& team_;
   Cells cells_;
-  std::map<std::pair<Shape, int>, std::optional<SampleTable>> tables_;
+  SampleTables tables_;
   std::vector<std::int32_t> in_cells_;  // by node
   std::vector<std::int64_t> first_;     // by node, into around_
   std::vector<std::int32_t> around_;    // the cells of the vertices

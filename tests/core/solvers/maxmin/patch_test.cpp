@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <numeric>
 
 #include "core/mesh/connectivity.h"
@@ -16,11 +17,7 @@ namespace {
 using testing::Filling;
 
 SampleTable table(Shape shape, int order, int dimension) {
-  SampleTable result;
-  for (const Eigen::MatrixXd& gradient : reference::basis_gradients(
-           shape, order, reference::NodeSet::Equispaced, dimension, reference::uniform_lattice(shape, 2 * order + 2)))
-    result.emplace_back(gradient);
-  return result;
+  return {shape, order, dimension, reference::uniform_lattice(shape, 2 * order + 2)};
 }
 
 /// All cells of a mesh as one patch.
@@ -29,17 +26,14 @@ struct Whole {
     const std::vector<bool> fixed = fixed_nodes(mesh);
     for (std::size_t n = 0; n < fixed.size(); ++n)
       if (!fixed[n]) free.push_back(static_cast<std::int32_t>(n));
-    for (int s = 0; s < kShapes; ++s)
-      if (reference::info(Shape(s)).dimension == mesh.dimension)
-        tables.push_back(table(Shape(s), mesh.order, mesh.dimension));
-      else
-        tables.emplace_back();
+    for (const Cells::Range& range : cells.ranges())
+      tables.emplace(range.block->shape, table(range.block->shape, mesh.order, mesh.dimension));
     for (std::size_t c = 0; c < cells.count(); ++c) {
       MaxMinPatch::Cell cell;
       cell.number = static_cast<std::int32_t>(c);
       cell.shape = cells.shape(c);
       cell.nodes = cells.nodes(c);
-      cell.samples = &tables[static_cast<std::size_t>(cell.shape)];
+      cell.samples = &tables.at(cell.shape);
       all.push_back(cell);
     }
   }
@@ -56,7 +50,7 @@ struct Whole {
 
   Cells cells;
   std::vector<std::int32_t> free;
-  std::vector<SampleTable> tables;
+  std::map<Shape, SampleTable> tables;
   std::vector<MaxMinPatch::Cell> all;
 };
 
