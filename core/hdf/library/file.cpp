@@ -115,11 +115,20 @@ herr_t guarded(Listing& listing, const char* name, const Body& body) noexcept {
   }
 }
 
+/// What a member of a group is. HDF5 1.12 and later want to know what to look for.
+bool look_at_member(hid_t group, const char* name, H5O_info_t& object) {
+#if H5_VERSION_GE(1, 12, 0)
+  return H5Oget_info_by_name(group, name, &object, H5O_INFO_BASIC, H5P_DEFAULT) >= 0;
+#else
+  return H5Oget_info_by_name(group, name, &object, H5P_DEFAULT) >= 0;
+#endif
+}
+
 herr_t add_member(hid_t group, const char* name, const H5L_info_t* link, void* data) noexcept {
   auto& listing = *static_cast<Listing*>(data);
   return guarded(listing, name, [&] {
     H5O_info_t object;
-    if (link->type != H5L_TYPE_HARD || H5Oget_info_by_name(group, name, &object, H5P_DEFAULT) < 0)
+    if (link->type != H5L_TYPE_HARD || !look_at_member(group, name, object))
       listing.add({Kind::Other, false, 0, {}, name});
     else if (object.type == H5O_TYPE_GROUP)
       listing.add({Kind::Group, false, 0, {}, name});
