@@ -68,7 +68,7 @@ class Runs {
       split_inside();
       refine();
       const bool went_on = std::exchange(best_slide_, SlideOn::All) == SlideOn::Coupled;
-      if (went_on && left(best_.result) > 0 && split_inside()) refine();
+      if (went_on && left(best_.result) > 0 && (split_inside() || !refinement_)) refine();
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
     if (!is_only_run && is_in_haste) try_others();
@@ -132,6 +132,7 @@ class Runs {
       best_.slid = std::move(other->slid);
       best_slide_ = slide;
       refinement_.reset();
+      is_full_ = false;
     }
     best_.trials.push_back(std::move(trial));
   }
