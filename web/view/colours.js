@@ -31,6 +31,22 @@ function colourTable() {
 
 const RAMP = colourTable();
 const darkTheme = matchMedia('(prefers-color-scheme: dark)');
+const themed = new Set();  // WeakRefs of nodes, so that what has left the page can be forgotten.
+const paints = new WeakMap();  // By node.
+
+/** Calls paint() whenever the theme changes, as long as the node is in use. A node has one such function. */
+function followTheme(node, paint) {
+  themed.add(new WeakRef(node));
+  paints.set(node, paint);
+}
+
+darkTheme.addEventListener('change', () => {
+  for (const one of themed) {
+    const node = one.deref();
+    if (node) paints.get(node)();
+    else themed.delete(one);
+  }
+});
 
 /** The index of the colour of Js. Poor elements stand out: they are dark in the light theme and light in the dark theme. */
 function colourIndex(js) {
@@ -66,7 +82,7 @@ function legend(hasUnrepairable) {
     one.fillRect(0, 0, 1, 1);
   };
   paint();
-  darkTheme.addEventListener('change', paint);
+  followTheme(ramp, paint);
   const sign = (shape) => draw('svg', {width: 16, height: 16, viewBox: '-8 -8 16 16', 'aria-hidden': 'true'}, ...shape);
   const parts = [
     make('span', {}, 'scaled Jacobian 0', ramp, '1'),

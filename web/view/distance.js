@@ -53,7 +53,7 @@ function distanceLegend(scale) {
     one.fillRect(0, 0, 1, 1);
   };
   paint();
-  darkTheme.addEventListener('change', paint);
+  followTheme(ramp, paint);
   const text = (distance) => readable(Number(distance.toPrecision(2)));
   return make('div', {class: 'legend'},
       make('span', {}, 'largest distance of a boundary element from the CAD model, in the mesh’s unit of length, on a logarithmic scale'),

@@ -122,7 +122,7 @@ function colourControl(place, shared, hasCrosses) {
   return labelled('Colours', select);
 }
 
-/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns {go(place, size), goToSurface(surface)}, as addPictures(). */
+/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns {go(place, size), goToSurface(surface), dispose()}, as addPictures(). */
 function pictures3d(section, scene, arrays, table, crosses, surfaces) {
   const painter = Painter3d.create();
   if (!painter) {
@@ -163,5 +163,9 @@ function pictures3d(section, scene, arrays, table, crosses, surfaces) {
     shared.colourBy('distance');
     shared.look(face.place, 8 * face.size, face.from);
   };
-  return {go, goToSurface: scene.distances ? goToSurface : null};
+  const dispose = () => {
+    for (const view of shared.views) view.dispose();
+    painter.dispose();
+  };
+  return {go, goToSurface: scene.distances ? goToSurface : null, dispose};
 }

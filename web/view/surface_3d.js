@@ -13,6 +13,10 @@ class Surface3d {
     scene.add(this.mesh, this.lines);
   }
 
+  dispose() {
+    for (const one of [this.surface, this.outline, this.solid, this.ink]) one.dispose();
+  }
+
   /** Gives the edges the theme's colour. Those of faces that one can see through are faint. */
   drawEdges(seeThrough) {
     this.ink.color.set(darkTheme.matches ? 0xdfe6ea : 0x141c22);
@@ -39,6 +43,12 @@ class Painter3d {
   constructor(choice) {
     this.renderer = new THREE.WebGLRenderer(choice);
     this.renderer.setPixelRatio(1);
+  }
+
+  /** Gives back the context, of which a browser has few. */
+  dispose() {
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
   }
 
   /** Draws a world into the canvas of a view. */

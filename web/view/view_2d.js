@@ -38,7 +38,7 @@ class SvgDrawing {
     }
     const paint = () => { for (const [path, bin] of fills) path.setAttribute('fill', colourOfBin(bin)); };
     paint();
-    darkTheme.addEventListener('change', paint);
+    followTheme(this.node, paint);
   }
 
   follow({x, y, span}, width, height) {
@@ -53,7 +53,7 @@ class CanvasDrawing {
     this.node = make('canvas', {role: 'img', 'aria-label': `the mesh ${snapshot}, coloured by scaled Jacobian`});
     this.boxes = paths.boxes(snapshot);
     this.bins = cellsByColour(table, snapshot);
-    darkTheme.addEventListener('change', () => this.repaint());
+    followTheme(this.node, () => this.repaint());
   }
 
   follow(viewport, width, height) {

@@ -81,8 +81,9 @@ class View3d {
     host.addEventListener('dblclick', (event) => this.isolate(event));
     host.addEventListener('pointerleave', () => this.overlay.showText(''));
     host.addEventListener('keydown', (event) => this.press(event));
-    new ResizeObserver(() => this.resize()).observe(host);
-    darkTheme.addEventListener('change', () => this.colour());
+    this.observer = new ResizeObserver(() => this.resize());
+    this.observer.observe(host);
+    followTheme(host, () => this.colour());
     this.select();
     this.resize();
   }
@@ -171,7 +172,17 @@ class View3d {
     requestAnimationFrame(() => { this.waiting = false; this.render(); });
   }
 
+  /** Gives back what the library and the browser hold for the view, which has left the page. */
+  dispose() {
+    this.isGone = true;
+    this.observer.disconnect();
+    this.controls.dispose();
+    for (const one of this.drawn) one.dispose();
+    this.drawnCells?.dispose();
+  }
+
   render() {
+    if (this.isGone) return;
     const {camera} = this.shared;
     this.lamp.position.copy(camera.position);
     this.shared.painter.paint(this.world, camera, this.canvas);

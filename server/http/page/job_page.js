@@ -42,41 +42,46 @@ class Progress {
 }
 
 /** Lets one choose a format of the server, and saves the result in it. */
-async function downloads(job) {
-  const {outputFormats = []} = await askFor('info');
+async function downloads(job, signal) {
+  const {outputFormats = []} = await askFor('info', {signal});
   const own = job.results[0].format;
   const formats = [own, ...outputFormats.filter((format) => format !== own && !PICTURE_FORMATS.includes(format))];
   let chosen = 0;
   const names = formats.map((format) => shortFormat(format).toLowerCase().replaceAll('_', '-'));
   const get = button('Download', async () => {
     get.disabled = true;
-    await download(job, formats[chosen], stemOf(betterName(fileOf(job)))).catch((error) => tell(error.message, true));
+    await download(job, formats[chosen], stemOf(betterName(meshFileOf(job))), signal).catch((error) => signal.aborted || tell(error.message, true));
     get.disabled = false;
   });
   return make('div', {class: 'controls', id: 'downloads'}, labelled('Format', choice(names, 0, (i) => { chosen = i; })), get);
 }
 
-/** The fields for a CAD model; null if the server takes none for such a mesh. */
-async function geometryFields(job) {
-  const {takesGeometries} = await askFor('info');
+/** The fields for a CAD model; null if the server takes none for such a mesh. `order`: of the mesh that the job was made for. */
+async function geometryFields(job, order, signal) {
+  const {takesGeometries} = await askFor('info', {signal});
   if (!takesGeometries || job.metrics?.mesh.dimension !== 3) return null;
-  const {geometry} = job.spec;
-  return new GeometryFields(isJudged(job) ? job.metrics.mesh.order === 1 : Boolean(geometry?.order), geometry);
+  return new GeometryFields(order === 1, job.spec.geometry);
+}
+
+/** The spec of the next run: all that the last one had, but for what the form shows. */
+async function nextSpec(job, form, model) {
+  const {quality, labels, outputs = [], ...rest} = job.spec;
+  const own = quality ? [] : outputs.filter((format) => !PICTURE_FORMATS.includes(format));
+  return {...rest, labels, options: form.options(), outputs: [...(own.length ? own : ['MESH_FORMAT_UNSPECIFIED']), ...PICTURE_FORMATS],
+    geometry: model ? await model.spec() : rest.geometry};
 }
 
 /** The form for a run on this job's mesh, with the options of the last one, and the same for a terminal and Python. */
-async function runForm(job, signal) {
-  const [form, model] = await Promise.all([OptionForm.create(job.spec.options), geometryFields(job)]);
+async function runForm(job, order, signal) {
+  const [form, model] = await Promise.all([OptionForm.create(job.spec.options), geometryFields(job, order, signal)]);
   signal.throwIfAborted();
   modelField = model;
   const section = addSection('run', isJudged(job) ? 'Optimise' : 'Run again');
   const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
   const node = make('form', {}, form.node, ...(model ? [model.node] : []), make('div', {class: 'controls'}, start));
   const run = async () => {
-    const {format, digest} = job.spec.mesh;
-    const spec = {mesh: {digest, format}, options: form.options(), outputs: ['MESH_FORMAT_UNSPECIFIED', ...PICTURE_FORMATS], labels: {file: fileOf(job)},
-      geometry: await model?.spec()};
-    location.hash = `#/${(await submitSpec(spec)).name}`;
+    const {name} = await submitSpec(await nextSpec(job, form, model));
+    if (!signal.aborted) location.hash = `#/${name}`;
   };
   node.addEventListener('submit', async (event) => {
     event.preventDefault();
@@ -84,16 +89,17 @@ async function runForm(job, signal) {
     await run().catch((error) => tell(error.message, true));
     start.disabled = false;
   });
-  section.append(node, commandTexts(fileOf(job), node, [...form.fields, ...(model ? [model] : [])], Boolean(model?.straight)));
+  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec));
 }
 
-/** Draws the mesh, or both meshes. */
+/** Draws the mesh, or both meshes. Returns the order of the mesh that the job was made for. */
 async function showPicture(section, job, signal) {
   const note = make('p', {class: 'quiet', role: 'status'}, 'Fetching the picture …');
   section.append(note);
   let before = await (isJudged(job) ? cellsAfter(job, signal) : cellsBefore(job, signal));
   const after = isJudged(job) ? null : await cellsAfter(job, signal);
   signal.throwIfAborted();
+  const {order} = before.mesh;
   note.remove();
   if (after && !after.orderLike(before)) {
     section.append(make('p', {class: 'quiet'}, 'The result does not have the same elements as the mesh before, so only the result is shown.'));
@@ -103,7 +109,9 @@ async function showPicture(section, job, signal) {
   const {scene, arrays} = makeScene(before, after === before ? null : after, new Set(groups.flatMap((group) => (group.elements ?? []).map(Number))));
   const crosses = groups.map((group) => ({place: [group.x ?? 0, group.y ?? 0, group.z ?? 0]}));
   const views = (scene.dimension === 2 ? pictures2d : pictures3d)(section, scene, arrays, new CellTable(scene, arrays), crosses, []);
+  signal.addEventListener('abort', () => views.dispose?.());
   section.append(make('div', {class: 'columns'}, ...scene.snapshots.map((name) => worstTableOf(scene, name, views.go))), groupTable(before.mesh));
+  return order;
 }
 
 /** The worst elements of a mesh, each with a button that shows it. */
@@ -125,7 +133,8 @@ function jobButtons(job) {
 }
 
 async function showJob(name, signal) {
-  let job = await getJob(name);
+  let job = await getJob(name, signal);
+  signal.throwIfAborted();
   document.title = `${fileOf(job)} – VariMesh`;
   const section = addSection('job', fileOf(job));
   const line = make('p', {id: 'state', 'data-state': stateWord(job)});
@@ -145,16 +154,25 @@ async function showJob(name, signal) {
     if (event.stateChange) Object.assign(job, {state: event.stateChange.state});
     if (event.stateChange && !hasEnded(job)) describe();
   }, signal);
+  signal.throwIfAborted();
   progress.draw();
   describe();
   if (job.metrics) buttons.after(figures(job), warnings(job));
-  if (!isJudged(job) && job.results?.length) buttons.append(await downloads(job));
+  if (!isJudged(job) && job.results?.length) {
+    const choices = await downloads(job, signal);
+    signal.throwIfAborted();
+    buttons.append(choices);
+  }
   if (isJudged(job)) judged.set(job.spec.mesh.digest, job.name);
+  let order = isJudged(job) || !job.spec.geometry?.order ? job.metrics?.mesh.order : 1;
   if (job.results?.length) {
     const picture = addSection('pictures', 'The mesh, coloured by scaled Jacobian');
-    await showPicture(picture, job, signal).catch((error) => {
-      if (error.name !== 'AbortError') picture.append(make('p', {class: 'lost'}, error.message));
+    order = await showPicture(picture, job, signal).catch((error) => {
+      signal.throwIfAborted();
+      picture.append(make('p', {class: 'lost'}, error.message));
+      return order;
     });
   }
-  if (!signal.aborted) await runForm(job, signal);
+  signal.throwIfAborted();
+  await runForm(job, order, signal);
 }
