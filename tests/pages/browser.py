@@ -130,9 +130,9 @@ class Page:
         field = self.ask("Runtime.evaluate", expression=f"document.querySelector({json.dumps(selector)})")["result"]["objectId"]
         self.ask("DOM.setFileInputFiles", files=[str(path)], objectId=field)
 
-    def drop_file(self, path, x=200, y=200):
-        """Drops a file from outside the browser on the page."""
-        data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    def drop_file(self, *paths, x=200, y=200):
+        """Drops a file, or several, from outside the browser on the page."""
+        data = {"items": [], "files": [str(path) for path in paths], "dragOperationsMask": 1}
         for event in ("dragEnter", "dragOver", "drop"):
             self.ask("Input.dispatchDragEvent", type=event, x=x, y=y, data=data)
 

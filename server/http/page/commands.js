@@ -3,6 +3,9 @@
 /** A word for a POSIX shell. */
 const shellWord = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
+/** The name of a file as a word of a command, which must not be taken for a flag. */
+const fileWord = (name) => shellWord(name.startsWith('-') ? `./${name}` : name);
+
 /** "wing" and "msh" of "wing.msh". */
 function partsOfName(name) {
   const dot = name.lastIndexOf('.');
@@ -16,7 +19,7 @@ const betterName = (name) => `${stemOf(name)}-better.${partsOfName(name)[1]}`;
 function commandLine(file, fields, straight) {
   const words = fields.flatMap((field) => field.words());
   const command = straight && words.includes('--geometry') ? 'curve' : 'optimise';
-  return ['varimesh', command, file, '-o', betterName(file), ...words].map(shellWord).join(' ');
+  return ['varimesh', command, fileWord(file), '-o', fileWord(betterName(file)), ...words.map(shellWord)].join(' ');
 }
 
 function pythonText(file, fields) {
@@ -34,6 +37,12 @@ function copyable(title, text) {
   copy.setAttribute('aria-label', `Copy: ${title}`);
   return make('div', {class: 'copyable'}, make('div', {class: 'controls'}, make('h3', {}, title), copy),
       make('pre', {tabindex: 0, role: 'region', 'aria-label': title}, text));
+}
+
+/** What the texts do not say, of what a run with this spec does; empty if they say all. */
+function notInTexts(spec) {
+  const parts = [spec.options?.targetField && 'the target field', spec.layers && 'the layers', spec.priority && 'the priority'].filter(Boolean);
+  return parts.length ? [make('p', {class: 'quiet small'}, `The next run keeps ${parts.join(', ')} of this job, which these texts do not have.`)] : [];
 }
 
 /** The command and the Python of what the form says; they follow the form. */

@@ -2,8 +2,20 @@
 
 const stateWord = (job) => job.state.replace('JOB_STATE_', '').toLowerCase();
 const fileOf = (job) => job.spec?.labels?.file ?? job.name;
+/** The name of the file of a job's mesh, for names of files and for commands. */
+const meshFileOf = (job) => job.spec?.labels?.file ?? 'mesh.msh';
 const isJudged = (job) => job.spec?.quality !== undefined;
 const countOf = (value) => Number(value ?? 0);
+
+const MOST_LABEL_BYTES = 128;  // the contract's limit
+
+/** The label for a file of this name: its end, if it is too long. */
+function labelOf(name) {
+  const bytes = new TextEncoder().encode(name);
+  let from = Math.max(0, bytes.length - MOST_LABEL_BYTES);
+  while ((bytes[from] & 0xc0) === 0x80) ++from;
+  return new TextDecoder().decode(bytes.subarray(from));
+}
 
 /** Seconds that a job has run; null if it has not begun. */
 function secondsRun(job) {

@@ -38,6 +38,10 @@ class GeometryFields {
   }
 
   explain() {
+    if (this.usesBoundary) {
+      this.said.textContent = 'Boundary nodes slide on the mesh’s own boundary, as in the last run, unless there is a model.';
+      return;
+    }
     const what = this.straight ? 'The mesh is curved with it.' : 'Boundary nodes slide on it.';
     this.said.textContent = this.file ? `${this.file.name}. ${what}` : this.before?.digest ? `That of the last run. ${what}` : `STEP, IGES or BREP; none is needed. ${what}`;
   }
@@ -46,22 +50,39 @@ class GeometryFields {
     return this.file !== null || Boolean(this.before?.digest);
   }
 
-  /** The part of a JobSpec; undefined if there is no model. */
-  async spec() {
-    if (!this.isGiven) return undefined;
-    const digest = this.file ? await sendModel(this.file) : this.before.digest;
-    return {...this.before, digest, ...(this.straight ? {order: Number(this.order.value)} : {})};
+  /** Whether nodes slide without a model, on the mesh's own boundary. */
+  get usesBoundary() {
+    return !this.isGiven && this.before?.slideOn === 'SLIDE_ON_BOUNDARY';
   }
 
-  /** The model as words of the command and as arguments in Python. */
+  /** The part of a JobSpec; undefined if nothing slides. */
+  async spec() {
+    if (!this.isGiven) return this.before;
+    const digest = this.file ? await sendModel(this.file) : this.before.digest;
+    return {...this.before, digest, slideOn: undefined, ...(this.straight ? {order: Number(this.order.value)} : {})};
+  }
+
+  /** The model, and how nodes slide on it, as words of the command and as arguments in Python. */
   words() {
-    if (!this.isGiven) return [];
-    return ['--geometry', this.file?.name ?? 'model.step', ...(this.straight ? ['--order', this.order.value] : [])];
+    if (!this.isGiven && !this.usesBoundary) return [];
+    const name = this.file?.name ?? 'model.step';
+    return [...(this.isGiven ? ['--geometry', name.startsWith('-') ? `./${name}` : name] : ['--slide-on', 'boundary']), ...(this.straight && this.isGiven ? ['--order', this.order.value] : []),
+      ...this.settings().flatMap(([flag, , value]) => (value === true ? [flag] : [flag, String(value)]))];
   }
 
   argument() {
-    if (!this.isGiven) return [];
+    if (!this.isGiven && !this.usesBoundary) return [];
     const name = JSON.stringify(this.file?.name ?? 'model.step');
-    return [this.straight ? `geometry=varimesh.Geometry(${name}, order=${this.order.value})` : `geometry=${name}`];
+    const more = this.settings().map(([, keyword, value]) => `${keyword}=${value === true ? 'True' : JSON.stringify(value)}`);
+    if (this.straight && this.isGiven) more.unshift(`order=${this.order.value}`);
+    if (!this.isGiven) return [`geometry=varimesh.Geometry(${['slide_on="boundary"', ...more].join(', ')})`];
+    return [more.length ? `geometry=varimesh.Geometry(${[name, ...more].join(', ')})` : `geometry=${name}`];
+  }
+
+  /** How nodes slide, as in the last run: [flag, keyword in Python, value] of each setting that is not the default. */
+  settings() {
+    const {slide, snap, smoothAngle, tolerance, growth} = this.before ?? {};
+    return [['--slide', 'slide', slide && slide !== 'SLIDE_UNSPECIFIED' ? slide.replace('SLIDE_', '').toLowerCase() : undefined], ['--snap', 'snap', snap],
+      ['--smooth-angle', 'smooth_angle', smoothAngle], ['--geometry-tolerance', 'tolerance', tolerance], ['--refine-growth', 'growth', growth]].filter(([, , value]) => value);
   }
 }

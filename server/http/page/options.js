@@ -122,6 +122,7 @@ class OptionForm {
     const {properties} = schemas['varimesh.v1.Options'];
     const names = Object.keys(properties).filter((name) => !LEFT_OUT_OPTIONS.includes(name));
     this.fields = [...FIRST_OPTIONS, ...names.filter((name) => !FIRST_OPTIONS.includes(name))].map((name) => new OptionField(name, properties[name], schemas));
+    this.kept = Object.fromEntries(LEFT_OUT_OPTIONS.filter((name) => options[name] !== undefined).map((name) => [name, options[name]]));
     for (const field of this.fields) field.value = options[field.name];
     const first = this.fields.slice(0, FIRST_OPTIONS.length);
     const others = this.fields.slice(FIRST_OPTIONS.length);
@@ -131,6 +132,6 @@ class OptionForm {
   }
 
   options() {
-    return Object.fromEntries(this.fields.map((field) => [field.name, field.value]).filter(([, value]) => value !== undefined));
+    return {...this.kept, ...Object.fromEntries(this.fields.map((field) => [field.name, field.value]).filter(([, value]) => value !== undefined))};
   }
 }

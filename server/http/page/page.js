@@ -28,13 +28,15 @@ function adviseAboutModel(file) {
   document.getElementById('advice').replaceChildren(
       make('p', {}, `${file.name} is a CAD model, which has no elements yet. These commands make a mesh of it, or curve a straight mesh of it; ` +
           'drop the mesh here then. A model that is dropped beside a mesh becomes the model of the next run.'),
-      copyable('Mesh the model', `varimesh mesh ${shellWord(file.name)} --size 5 --order 3 -o ${shellWord(mesh)}`),
-      copyable('Curve a straight mesh of the model', `varimesh curve linear.msh --geometry ${shellWord(file.name)} --order 3 -o ${shellWord(mesh)}`));
+      copyable('Mesh the model', `varimesh mesh ${fileWord(file.name)} --size 5 --order 3 -o ${fileWord(mesh)}`),
+      copyable('Curve a straight mesh of the model', `varimesh curve linear.msh --geometry ${fileWord(file.name)} --order 3 -o ${fileWord(mesh)}`));
 }
 
-/** Sends a mesh to the server and shows it. */
-async function take(file) {
-  if (!file) return;
+/** Sends a mesh to the server and shows it, or takes a CAD model. */
+async function take(files) {
+  if (files.length === 0) return;
+  if (files.length > 1) return tell(`These are ${files.length} files. Drop one at a time: a mesh first, and then its CAD model.`, true);
+  const [file] = files;
   if (modelField && CAD_FILE.test(file.name)) return modelField.take(file);
   if (!location.hash.match(/^(#\/?)?$/)) location.hash = '#/';
   if (CAD_FILE.test(file.name)) {
@@ -44,7 +46,7 @@ async function take(file) {
   }
   tell(`Sending ${file.name} …`);
   try {
-    const job = await submitFile(file, judgeSpec({}, {file: file.name}));
+    const job = await submitFile(file, judgeSpec({}, {file: labelOf(file.name)}));
     tell('');
     location.hash = `#/${job.name}`;
   } catch (error) {
@@ -57,7 +59,7 @@ function showStart() {
   document.title = 'VariMesh';
   const section = addSection('start', 'Look at a mesh');
   const input = make('input', {type: 'file', id: 'file'});
-  input.addEventListener('change', () => take(input.files[0]));
+  input.addEventListener('change', () => take(input.files));
   section.append(make('label', {class: 'drop', for: 'file'}, make('strong', {}, 'Drop a mesh here, or choose a file'),
       make('span', {class: 'quiet'}, 'Gmsh, VTK, MFEM, Nektar++, HOPR, CGNS and others. It is sent to the server that this page comes from, and to nobody else.'), input),
   make('div', {id: 'advice'}));
@@ -75,7 +77,7 @@ function acceptDrops() {
   zone.addEventListener('drop', (event) => {
     event.preventDefault();
     zone.classList.remove('dragged');
-    take(event.dataTransfer.files[0]);
+    take(event.dataTransfer.files);
   });
 }
 
@@ -88,6 +90,7 @@ function askForToken(why) {
   const node = make('form', {class: 'controls'}, make('span', {}, why), field, make('button', {type: 'submit'}, 'Use this token'));
   node.addEventListener('submit', (event) => {
     event.preventDefault();
+    if (!isToken(field.value.trim())) return tell('A token is one line of letters, digits and signs, without spaces.', true);
     sessionStorage.setItem('token', field.value.trim());
     place.replaceChildren();
     tell('');
@@ -95,6 +98,22 @@ function askForToken(why) {
   });
   place.replaceChildren(node);
   field.focus();
+}
+
+/** Asks before a token from the address is used: anybody can link to the page, and the jobs would be those of the token's owner. */
+function offerToken(token) {
+  if (!token) return;
+  const place = document.getElementById('token');
+  const answer = (isTaken) => {
+    if (isTaken) sessionStorage.setItem('token', token);
+    place.replaceChildren();
+    tell('');
+    show();
+  };
+  place.replaceChildren(make('div', {class: 'controls'},
+      make('span', {}, 'The address has a token. Whoever made the token sees the meshes and jobs that you send with it. Use it only if the address ' +
+          'comes from varimesh ui on your machine, or from somebody whom you trust.'),
+      button('Use this token', () => answer(true)), button('Do not use it', () => answer(false))));
 }
 
 let looking = new AbortController();
@@ -122,11 +141,11 @@ async function show() {
   }
 }
 
-takeToken();
+offerToken(takeToken());
 onTokenNeeded = askForToken;
 acceptDrops();
 addEventListener('hashchange', () => {
-  takeToken();
+  offerToken(takeToken());
   tell('');
   show();
   document.getElementById('main').focus({preventScroll: true});  // The next Tab leads into what is new.

@@ -5,24 +5,15 @@ const PICTURE_FORMATS = ['MESH_FORMAT_PARTS', 'MESH_FORMAT_CELL_QUALITY'];
 const judgeSpec = (mesh, labels = {}) => ({mesh, quality: {}, outputs: PICTURE_FORMATS, labels});
 
 /** The cells that the results of a job have; null if it has not both of them. */
-async function cellsOfResults(job) {
+async function cellsOfResults(job, signal) {
   const formats = (job.results ?? []).map((result) => result.format);
   if (!PICTURE_FORMATS.every((format) => formats.includes(format))) return null;
-  const [parts, quality] = await Promise.all(PICTURE_FORMATS.map((format) => fetchResult(job, format)));
+  const [parts, quality] = await Promise.all(PICTURE_FORMATS.map(async (format) => new Uint8Array(await (await fetchResult(job, format, signal)).arrayBuffer())));
   return new MeshCells(readMesh(parts), readQuality(quality));
 }
 
-/** Has the server judge a mesh, {digest, format}, and returns {cells, job}. The job is deleted. */
-async function judge(mesh, signal) {
-  const {name} = await submitSpec(judgeSpec(mesh, {page: 'picture'}));
-  try {
-    const job = await follow(name, () => {}, signal);
-    if (job.error) throw new Refused(400, job.error.message);
-    return {cells: await cellsOfResults(job), job};
-  } finally {
-    await cancelJob(name).then((job) => hasEnded(job) && deleteJob(name)).catch(() => {});
-  }
-}
+/** The cells of a mesh of the server, {digest, format}, which a job judges. */
+const judge = (mesh, signal) => withTemporaryJob(judgeSpec(mesh, {page: 'picture'}), (job) => cellsOfResults(job, signal), signal);
 
 const judged = new Map();  // By digest: jobs of this tab that have judged the mesh.
 
@@ -30,16 +21,17 @@ const judged = new Map();  // By digest: jobs of this tab that have judged the m
 async function cellsBefore(job, signal) {
   const {digest} = job.spec.mesh;
   const known = judged.get(digest);
-  const found = known && await getJob(known).then(cellsOfResults).catch(() => null);
-  return found ?? (await judge(job.spec.mesh, signal)).cells;
+  const found = known && await getJob(known, signal).then((one) => cellsOfResults(one, signal)).catch(() => null);
+  signal.throwIfAborted();
+  return found ?? judge(job.spec.mesh, signal);
 }
 
 /** The mesh that a job has made; null if it has none. */
 async function cellsAfter(job, signal) {
-  const found = await cellsOfResults(job);
+  const found = await cellsOfResults(job, signal);
   const [result] = job.results ?? [];
   if (found || !result) return found;
-  return (await judge({digest: result.digest, format: result.format}, signal)).cells;
+  return judge({digest: result.digest, format: result.format}, signal);
 }
 
 /** Which files of a mesh have which format, for names of downloads. */
@@ -56,18 +48,9 @@ function save(blob, name) {
 }
 
 /** Saves the result of a job in a format. If the job has it not, another job writes the result again. */
-async function download(job, format, stem) {
-  const name = `${stem}.${suffixOf(format)}`;
-  if (job.results.some((result) => result.format === format)) {
-    return save(await (await request(`${job.name}/result?format=${format}`)).blob(), name);
-  }
+async function download(job, format, stem, signal) {
+  const saveOf = async (one) => save(await fetchResult(one, format, signal), `${stem}.${suffixOf(format)}`);
+  if (job.results.some((result) => result.format === format)) return saveOf(job);
   const [{digest, format: has}] = job.results;
-  const made = await submitSpec({mesh: {digest, format: has}, quality: {}, outputs: [format], labels: {page: 'download'}});
-  try {
-    const done = await follow(made.name, () => {});
-    if (done.error) throw new Refused(400, done.error.message);
-    save(await (await request(`${made.name}/result?format=${format}`)).blob(), name);
-  } finally {
-    await deleteJob(made.name).catch(() => {});
-  }
+  return withTemporaryJob({mesh: {digest, format: has}, quality: {}, outputs: [format], labels: {page: 'download'}}, saveOf, signal);
 }

@@ -138,6 +138,72 @@ class Page(WithPage):
         self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
         self.check_clean()
 
+    def test_the_list_keeps_the_focus(self):
+        job = self.submit(LARGER, *ENDLESS)
+        self.open("/#/jobs")
+        self.page.wait("document.querySelector('#jobs tbody tr')?.textContent.includes('iteration')")
+        self.page.value("document.querySelector('#jobs tbody a').focus()")
+        text = self.text("#jobs tbody tr")
+        self.page.wait(f"document.querySelector('#jobs tbody tr').textContent !== {json.dumps(text)}")
+        self.assertEqual(self.page.value("document.activeElement.hash ?? ''"), f"#/jobs/{job}")
+        self.submit(MESH, "--time-limit", "5")
+        self.page.wait("document.querySelectorAll('#jobs tbody tr').length === 2")
+        self.assertEqual(self.page.value("document.activeElement.hash ?? ''"), f"#/jobs/{job}")
+        self.assertNotIn(job, self.page.value("document.querySelector('#jobs tbody a').hash"), "the newest comes first")
+        self.page.click("#jobs tbody tr:last-child button", "Cancel")
+        self.page.click("#jobs tbody tr:last-child button", "Cancel: click again")
+        self.page.wait("[...document.querySelectorAll('#jobs button')].filter((one) => one.textContent === 'Delete').length === 2")
+        self.check_clean()
+
+    def test_one_job_at_a_time(self):
+        jobs = [self.submit(LARGER, *ENDLESS) for _ in range(2)]
+        self.open(f"/#/jobs/{jobs[0]}")
+        for i in (1, 0, 1):
+            self.page.value(f"location.hash = '#/jobs/{jobs[i]}'")
+        self.page.wait("!!document.querySelector('#state')")
+        time.sleep(2)
+        self.assertEqual(self.page.value("document.querySelectorAll('#job').length"), 1)
+        self.assertIn(jobs[1], self.text("#state"))
+        self.check_clean()
+
+    def test_names_of_files(self):
+        for name, words in (("-x.msh", "./-x.msh -o ./-x-better.msh"), ("ä" * 100 + ".msh", "ä" * 62 + ".msh")):
+            mesh = self.folder / name
+            mesh.write_text(FOLDED)
+            self.open()
+            self.look_at(mesh)
+            self.assertIn(words, self.text("#run pre"))
+        self.open()
+        self.page.drop_file(self.folder / "-x.msh", self.folder / ("ä" * 100 + ".msh"))
+        self.assertIn("2 files", self.text("#told"))
+        self.check_clean()
+
+    def test_another_run_keeps_what_the_form_does_not_show(self):
+        job = self.submit(CASES / "sphere_p3.msh", "--slide-on", "boundary", "--slide", "surfaces", "--priority", "7", "--max-iterations", "1")
+        self.open(f"/#/jobs/{job}")
+        self.page.wait("!!document.querySelector('#run form')", 100)
+        self.assertIn("priority", self.text("#run"))
+        self.page.click("#run button", "Run with these options")
+        self.page.wait(f"!location.hash.includes('{job}')")
+        spec = self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]["spec"]
+        old = self.ask("GET", f"/v1/jobs/{job}")[1]["job"]["spec"]
+        self.assertEqual((spec["priority"], spec["geometry"]), (7, old["geometry"]))
+        self.assertEqual({**spec, "outputs": []}, {**old, "outputs": []})
+
+    def test_views_that_are_left_are_forgotten(self):
+        self.open()
+        for _ in range(3):
+            self.look_at(CASES / "sphere_p3.msh")
+            self.page.value("location.hash = '#/'")
+            self.page.wait("!!document.querySelector('#start')")
+        time.sleep(1)
+        self.page.ask("HeapProfiler.collectGarbage")
+        kind = self.page.ask("Runtime.evaluate", expression="THREE.Scene.prototype")["result"]["objectId"]
+        found = self.page.ask("Runtime.queryObjects", prototypeObjectId=kind)["objects"]["objectId"]
+        count = self.page.ask("Runtime.callFunctionOn", objectId=found, functionDeclaration="function() { return this.length; }", returnByValue=True)
+        self.assertEqual(count["result"]["value"], 0)
+        self.check_clean()
+
     def tab_to(self, wanted):
         """Presses Tab until the element with this text or id has the focus. Returns the texts and ids of all on the way."""
         reached = []
@@ -217,6 +283,14 @@ class Models(WithPage):
         self.assertEqual(job["spec"]["geometry"]["digest"], hashlib.sha256(model).hexdigest())
         self.check_clean()
 
+    def test_a_straight_mesh_is_curved_in_a_later_run(self):
+        straight = self.folder / "straight.msh"
+        self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
+        self.open()
+        self.look_at(straight)
+        self.optimise()
+        self.assertTrue(self.page.value("!!document.querySelector('#model-order')"))
+
     def test_a_straight_mesh_is_curved_with_a_model(self):
         straight = self.folder / "straight.msh"
         self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
@@ -238,6 +312,8 @@ class Tokens(WithPage):
 
     def test_come_with_the_address_and_leave_it(self):
         self.open(f"/#token={self.token}")
+        self.assertIsNone(self.page.value("sessionStorage.getItem('token')"), "anybody can link to the page")
+        self.page.click("#token button", "Use this token")
         self.look_at(MESH)
         self.assertNotIn(self.token, self.page.value("location.href"))
         self.assertNotIn(self.token, "".join(self.page.requests).replace(f"#token={self.token}", ""))
@@ -245,6 +321,19 @@ class Tokens(WithPage):
         self.open("/#token=another")  # does not take the place of the one that the tab has
         self.assertEqual(self.page.value("sessionStorage.getItem('token')"), self.token)
         self.check_clean()
+
+    def test_of_a_link_need_not_be_used(self):
+        self.open("/#token=of-somebody-else")
+        self.page.click("#token button", "Do not use it")
+        self.assertIsNone(self.page.value("sessionStorage.getItem('token')"))
+        self.assertEqual(self.text("#token"), "")
+
+    def test_that_no_header_can_have(self):
+        self.open("/#/jobs")
+        self.page.wait("!!document.querySelector('#token input')")
+        self.page.value("document.querySelector('#token input').value = '\u65e5\u672c'")
+        self.page.click("#token button", "Use this token")
+        self.assertIn("letters, digits", self.text("#told"))
 
     def test_are_asked_for(self):
         self.open("/#/jobs")
