@@ -89,7 +89,7 @@ async function runForm(job, order, signal) {
     await run().catch((error) => tell(error.message, true));
     start.disabled = false;
   });
-  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec));
+  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
 }
 
 /** Draws the mesh, or both meshes. Returns the order of the mesh that the job was made for. */

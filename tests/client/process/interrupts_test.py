@@ -156,11 +156,23 @@ class InProcess(WithFolder):
     def test_prisms(self):
         self.check_case("cylinder_p2.msh", "--tolerance", "1e-9")
 
-    def test_sigterm_is_an_interrupt_too(self):
-        out = self.folder / "out.msh"
-        status, stderr, *_ = self.interrupt(0.2, LARGER, "-o", out, *ENDLESS, number=signal.SIGTERM)
-        self.assertEqual(status, INTERRUPTED, stderr)
-        self.assertTrue(out.exists())
+    def test_sigterm_and_the_end_of_the_terminal_are_interrupts_too(self):
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            out = self.folder / f"out-{number}.msh"
+            status, stderr, *_ = self.interrupt(0.2, LARGER, "-o", out, *ENDLESS, number=number)
+            self.assertEqual(status, INTERRUPTED, stderr)
+            self.assertTrue(out.exists())
+
+    def test_with_nohup_the_end_of_the_terminal_is_none(self):
+        process = subprocess.Popen(["nohup", VARIMESH, "optimise", LARGER, "-o", self.folder / "out.msh", *ENDLESS],
+                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.addCleanup(lambda: (process.poll() is None and process.kill(), process.communicate()))
+        wait_until_signals_are_caught(process)
+        process.send_signal(signal.SIGHUP)
+        time.sleep(1)
+        self.assertIsNone(process.poll())
+        process.send_signal(signal.SIGTERM)
+        self.assertEqual(process.wait(20), INTERRUPTED)
 
     def test_an_interrupt_while_a_pipe_is_read_ends_the_command(self):
         pipe = self.folder / "in.msh"

@@ -182,7 +182,7 @@ class Page(WithPage):
         job = self.submit(CASES / "sphere_p3.msh", "--slide-on", "boundary", "--slide", "surfaces", "--priority", "7", "--max-iterations", "1")
         self.open(f"/#/jobs/{job}")
         self.page.wait("!!document.querySelector('#run form')", 100)
-        self.assertIn("priority", self.text("#run"))
+        self.assertIn("keeps the priority, the sliding of boundary nodes of this job", self.text("#run"))
         self.page.click("#run button", "Run with these options")
         self.page.wait(f"!location.hash.includes('{job}')")
         spec = self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]["spec"]
@@ -282,6 +282,14 @@ class Models(WithPage):
         model = (CASES / "geometry" / "bracket.step").read_bytes()
         self.assertEqual(job["spec"]["geometry"]["digest"], hashlib.sha256(model).hexdigest())
         self.check_clean()
+
+    def test_the_texts_say_how_nodes_slide(self):
+        model = ("--geometry", CASES / "geometry" / "bracket.step", "--slide", "surfaces", "--snap", "--smooth-angle", "5")
+        job = self.submit(CASES / "geometry" / "bracket_p3.msh", *model, "--max-iterations", "1")
+        self.open(f"/#/jobs/{job}")
+        self.page.wait("document.querySelectorAll('#run pre').length === 2", 100)
+        self.assertIn("--geometry model.step --slide surfaces --snap --smooth-angle 5", self.text("#run pre"))
+        self.assertIn('varimesh.Geometry("model.step", slide="surfaces", snap=True, smooth_angle=5)', self.text("#run .columns"))
 
     def test_a_straight_mesh_is_curved_in_a_later_run(self):
         straight = self.folder / "straight.msh"
