@@ -53,13 +53,15 @@ using varimesh::server::notify_manager;
 using varimesh::server::Server;
 using varimesh::server::ServerOptions;
 
-/// Blocks SIGTERM and SIGINT, so that only sigwait() receives them. Called before any thread is started, since threads
-/// inherit the blocked signals.
+/// Blocks SIGTERM, SIGINT and SIGHUP, so that only sigwait() receives them. Called before any thread is started, since
+/// threads inherit the blocked signals. SIGHUP stays ignored if nohup or another program has it ignored.
 sigset_t block_signals() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   return signals;

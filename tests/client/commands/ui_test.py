@@ -14,7 +14,7 @@ from programs import VARIMESH, VARIMESHD, WithFolder, run
 
 class Ui(WithFolder):
     def start(self, *arguments, **environment):
-        self.process = subprocess.Popen([VARIMESH, "ui", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        self.process = subprocess.Popen([VARIMESH, "ui", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
                                         env={**os.environ, "VARIMESHD": VARIMESHD, "DISPLAY": "", "WAYLAND_DISPLAY": "", **environment})
         self.addCleanup(lambda: (self.process.poll() is None and self.process.kill(), self.process.communicate()))
         address = self.process.stdout.readline().strip()
@@ -43,14 +43,14 @@ class Ui(WithFolder):
             urllib.request.urlopen(address, timeout=20)
 
     def test_its_server_ends_with_it_even_if_it_is_killed(self):
-        for number in (signal.SIGKILL, signal.SIGHUP, signal.SIGTERM):
-            with self.subTest(number):
-                self.check_end(number)
+        for number, kill in ((signal.SIGKILL, os.kill), (signal.SIGHUP, os.kill), (signal.SIGTERM, os.kill), (signal.SIGHUP, os.killpg), (signal.SIGINT, os.killpg)):
+            with self.subTest(number=number, kill=kill):  # A terminal sends its signals to all processes.
+                self.check_end(number, kill)
 
-    def check_end(self, number):
+    def check_end(self, number, kill):
         address, _ = self.start("--only-print", TMPDIR=str(self.folder))
         self.assertNotEqual(os.listdir(self.folder), [])
-        self.process.send_signal(number)
+        kill(self.process.pid, number)
         self.process.wait(20)
         deadline = time.monotonic() + 30
         while True:
