@@ -98,7 +98,8 @@ Action add_convert(Command program) {
   auto arguments = std::make_shared<Arguments>();
   Command command = program.add_command("convert", "Write a mesh in another format");
   command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
-  command.add("output", &arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
+  // CLI11 2.4 wants another name for it than "output".
+  command.add("written", &arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
       .value("OUT");
   command.add("-o,--output", &arguments->flag_output, "The same as OUT").value("OUT");
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");

@@ -60,8 +60,7 @@ class Runs {
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
     is_first_ = false;
-    // Refining helps sooner than the other ways to slide, but adds elements.
-    const bool is_in_haste = refines_ && options_.time_limit > 0;
+    const bool is_in_haste = refines_ && options_.time_limit > 0;  // refining helps sooner, but adds elements
     if (!is_only_run && !is_in_haste) try_others();
     if (refines_ && left(best_.result) > 0 && may_be_split()) {
       options_.repair = Repair::Split;

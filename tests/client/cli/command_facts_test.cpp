@@ -42,6 +42,16 @@ TEST(CommandFacts, EachCommandHasExamplesAndAPurpose) {
   }
 }
 
+/// CLI11 refuses such names from version 2.4 on, when the program starts.
+TEST(CommandFacts, NoArgumentHasTheNameOfAFlag) {
+  const Program program;
+  for (const CLI::App* command : program.app.get_subcommands({}))
+    for (const CLI::Option* argument : command->get_options())
+      for (const CLI::Option* flag : command->get_options())
+        EXPECT_FALSE(argument->get_positional() && flag->check_lname(argument->get_name(true)))
+            << command->get_name() << " " << argument->get_name(true);
+}
+
 TEST(CommandFacts, ExamplesBelongToCommands) {
   const Program program;
   for (const Example& example : all_examples())
