@@ -250,7 +250,6 @@ bool Descent::begin_to_raise_lost() {
   raises_ = kMostRaises / 2;
   caution_ = 1;
   std::ranges::fill(factors_, 1.0);
-  // In place: others keep where the positions are.
   const Team team = team_.without_stop();
   std::ranges::copy(solver_positions(context_.mesh, best_.coordinates, frame_of(context_.mesh, team), team),
                     problem_.positions.begin());

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <optional>
 #include <set>
 #include <utility>
 
@@ -10,7 +9,7 @@
 #include "core/merit/merit.h"
 #include "core/merit/thresholds.h"
 #include "core/mesh/connectivity.h"
-#include "core/reference/basis.h"
+#include "core/reference/shape.h"
 #include "core/solvers/maxmin/patch.h"
 
 namespace varimesh {
@@ -32,8 +31,8 @@ constexpr double kAsBefore = 1e-9;
 /// Cells that a thread samples at a time.
 constexpr std::int32_t kGrain = 16;
 
-/// If J is negative between the samples of a cell, their spacing is halved, at most so often; and a patch is raised
-/// again, at most so often. Two cells of docs/untangling.md need three rounds.
+/// If J is negative between the samples of a cell, their spacing is halved, and the patch is raised again, at most so
+/// often. Two cells of docs/untangling.md need three rounds.
 constexpr int kMostRounds = 4;
 
 class Raiser {

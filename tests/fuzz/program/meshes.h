@@ -6,19 +6,24 @@
 
 #include "core/formats/formats.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/reference/serendipity.h"
 #include "tests/fuzz/program/memory.h"
 
 namespace varimesh::fuzz {
 
-/// Ends the program if a number refers to something that the mesh does not have.
-inline void expect_whole(const HighOrderMesh& mesh) {
+/// Ends the program if a number refers to something that the mesh does not have. `may_be_incomplete`: elements may be
+/// serendipity elements, which complete_elements() has yet to complete.
+inline void expect_whole(const HighOrderMesh& mesh, bool may_be_incomplete = false) {
   const auto nodes = static_cast<std::int64_t>(mesh.node_count());
   expect(mesh.coordinates.size() == 3 * mesh.node_count(), "the coordinates are no triples");
   expect(static_cast<std::int64_t>(mesh.node_numbers.size()) == nodes, "there are other numbers than nodes");
   const auto is_node = [&](std::int32_t node) { return node >= 0 && node < nodes; };
   for (const ElementBlock& block : mesh.blocks) {
     const auto per_element = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
-    expect(block.nodes.size() == block.size() * per_element, "a block has too many or too few nodes");
+    const auto fewest = static_cast<std::size_t>(reference::serendipity_node_count(block.shape, block.order));
+    expect(block.nodes.size() == block.size() * per_element ||
+               (may_be_incomplete && fewest > 0 && block.nodes.size() == block.size() * fewest),
+           "a block has too many or too few nodes");
     expect(std::all_of(block.nodes.begin(), block.nodes.end(), is_node), "an element's node does not exist");
     const std::size_t repeats = block.physical.empty() ? 0 : block.physical.size() - 1;
     expect(block.repeat_numbers.empty() || block.repeat_numbers.size() == repeats * block.size(),

@@ -201,12 +201,13 @@ void LoweringMesh::make_nodes(Shape shape, const Lowering& lowering, const std::
     const int source = lowering.source[static_cast<std::size_t>(local)];
     made[local] = source < 0 ? kNoNode : old[source];
   }
-  auto& [numbers, node_of] =
-      shared_.try_emplace(lowering.order, lowering.order, std::vector<std::int32_t>{}).first->second;
-  const auto take = [&](int local, std::int32_t shared) {
+  auto& shared = shared_.try_emplace(lowering.order, lowering.order, std::vector<std::int32_t>{}).first->second;
+  auto& numbers = shared.first;
+  std::vector<std::int32_t>& node_of = shared.second;
+  const auto take = [&](int local, std::int32_t number) {
     if (local >= count || made[local] >= 0) return;
     node_of.resize(std::max(node_of.size(), static_cast<std::size_t>(numbers.count())), kNoNode);
-    std::int32_t& node = node_of[static_cast<std::size_t>(shared)];
+    std::int32_t& node = node_of[static_cast<std::size_t>(number)];
     if (node < 0) node = new_node(lowering, old, local);
     made[local] = node;
   };
