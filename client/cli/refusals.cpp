@@ -52,10 +52,10 @@ std::string number_wanted(const std::string& flag) {
   return "a number";
 }
 
-/// "Value 0 not in range 0.000000 to 45.000000"
+/// "Value 0 not in range 0.000000 to 45.000000", or from CLI11 2.4 on "Value 0 not in range [0 - 45]".
 std::string outside(const CLI::Option& option, const std::string& name, const std::string& what) {
   const Halves value = split(what.substr(sizeof "Value " - 1), " not in range ");
-  const Halves ends = split(value.after, " to ");
+  const Halves ends = value.after.starts_with('[') ? split(value.after.substr(1), " - ") : split(value.after, " to ");
   const double least = std::strtod(ends.before.c_str(), nullptr), most = std::strtod(ends.after.c_str(), nullptr);
   constexpr double kNoEnd = 1e300;
   const bool may_be_least = option.get_type_name().find("POSITIVE") == std::string::npos;
