@@ -63,7 +63,7 @@ class Fish(Completed):
 
     def test_completes(self):
         self.assertEqual(self.fish("varimesh opt"), ["optimise"])
-        self.assertEqual(self.fish("varimesh optimise --ener"), ["--energy"])
+        self.assertEqual(self.fish("varimesh optimise --energ"), ["--energy"])
         self.assertEqual(self.fish("varimesh optimise --energy w"), ["winslow"])
         self.assertEqual(self.fish("varimesh convert wing"), ["wing mesh.msh"])
         self.assertEqual(set(OPTIONS) - set(self.fish("varimesh optimise --")), set())

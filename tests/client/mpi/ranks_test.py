@@ -14,7 +14,8 @@ from programs import CASES, VARIMESH, WithFolder, run
 VARIMESH_MPI = os.environ["VARIMESH_MPI"]
 # Open MPI starts several processes on one core, and as root, only if it is told so.
 PERMITTED = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-             "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_orte_abort_print_stack": "0"}
+             "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_orte_abort_print_stack": "0",
+             "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}  # Open MPI 5
 MESHES = ["nine_triangles.msh", "circle_p5.msh", "annulus_p3.msh", "aerofoil_p4.msh", "reentrant_3_of_5.msh",
           "pin_p3.msh", "solid_ball_p3.msh", "thick_layer_p3.msh"]
 SECONDS_TO_END = 10

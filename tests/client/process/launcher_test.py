@@ -10,7 +10,8 @@ from programs import MESH, VARIMESH, WithFolder, run
 
 USAGE = 2
 # Open MPI starts several processes on one core, and as root, only if it is told so.
-PERMITTED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+PERMITTED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1",
+             "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}  # Open MPI 5
 LAUNCHERS = {"mpirun": ["-n"], "mpiexec": ["-n"], "srun": ["--overcommit", "-n"]}
 PREFIXES = ("OMPI_", "PMI", "MV2_", "SLURM_")
 
