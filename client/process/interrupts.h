@@ -1,5 +1,5 @@
-// What Ctrl-C (SIGINT), SIGTERM and the end of the terminal (SIGHUP) do: the first asks the command to end in an orderly
-// way, which keeps the work that is done so far; the second ends the process at once.
+// What Ctrl-C (SIGINT), SIGTERM and the end of the terminal (SIGHUP) do: the first asks the command to end in an
+// orderly way, which keeps the work that is done so far; the second ends the process at once.
 #pragma once
 
 namespace varimesh::client {

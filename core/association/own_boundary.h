@@ -11,9 +11,8 @@ namespace varimesh {
 
 /// The boundary of a mesh as it came, and where its nodes belong.
 struct OwnBoundary {
-  /// A mesh of the boundary alone: the facets of cells that have no cell on the other side, and those that are elements
-  /// of interfaces; or the cells themselves if the mesh is a surface. It has all nodes of the mesh, under the same
-  /// indices, and one block per shape and surface.
+  /// A mesh of the boundary facets and of the facets on interfaces, or of the cells if the mesh is a surface. It has
+  /// all nodes of the mesh, under the same indices, and one block per shape and surface.
   HighOrderMesh faces;
   /// Of `faces`. Elements between two curves are one surface, corners are vertices. `held` are boundary nodes between
   /// two regions where no elements say that there is an interface.

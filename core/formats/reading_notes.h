@@ -16,7 +16,7 @@ std::vector<std::string> reading_notes(const HighOrderMesh& mesh);
 /// (at_own_orders()) and the format can hold elements of several orders. left_out() says which stay raised.
 void keep_orders(HighOrderMesh& mesh);
 
-/// Takes from the mesh `read`, of which `mesh` is a result, which elements were raised, and calls keep_orders().
+/// The same for the result of a run: `read` is the mesh that the run came from, and knows which elements were raised.
 void keep_orders_of(const HighOrderMesh& read, HighOrderMesh& mesh);
 
 }  // namespace varimesh::formats

@@ -12,7 +12,8 @@
 namespace varimesh {
 namespace {
 
-/// Whether all vertices of a cell are in columns, and it is thin in each column of which it has two vertices.
+/// Whether a cell belongs to a thin layer: all its vertices are in columns, and wherever two of them are in the same
+/// column, the distance between them is small.
 bool is_thin(const HighOrderMesh& mesh, const detail::Columns& columns, std::span<const std::int32_t> vertices) {
   const auto x = [&](std::int32_t node) { return Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * at(node)]); };
   bool has_height = false;

@@ -45,7 +45,7 @@ class Painter3d {
     this.renderer.setPixelRatio(1);
   }
 
-  /** Gives back the context, of which a browser has few. */
+  /** Gives the WebGL context back to the browser, which has only a few. */
   dispose() {
     this.renderer.dispose();
     this.renderer.forceContextLoss();

@@ -244,7 +244,8 @@ def from_parts(data: bytes) -> Mesh:
 # ===== files of Gmsh, for cells that only the server reads =====
 
 _EDGES = {"triangle": 3, "quadrilateral": 4, "pyramid": 8, "prism": 9, "hexahedron": 12}
-# Gmsh's numbers of complete elements, by order from 1 on, and of serendipity elements, from 2 on. 0: there is none.
+# The types of Gmsh for complete elements, by order from 1 on, and for serendipity elements, from order 2 on. 0 stands
+# for an order that has no serendipity element.
 _COMPLETE = {
     "point": [15],
     "line": [1, 8, 26, 27, 28, 62, 63, 64, 65, 66],
@@ -265,12 +266,12 @@ _SERENDIPITY = {
 
 
 def _complete_order(shape: str, count: int) -> int:
-    """The order of a complete cell with so many nodes; 0: there is none."""
+    """The order of the complete cell that has this number of nodes, or 0 if no order has it."""
     return next((order for order in range(1, MAX_ORDER + 1) if nodes_of(shape, order) == count), 0)
 
 
 def _type_of(block: Block) -> int:
-    """Gmsh's number of the block's cells; 0: it has none. If both kinds have so many nodes, the cell is a complete one."""
+    """The type of the block's cells in Gmsh, or 0 if Gmsh has none. A complete cell comes before a serendipity cell."""
     count = block.nodes.shape[1]
     if order := _complete_order(block.shape, count):
         types = _COMPLETE[block.shape]

@@ -115,7 +115,7 @@ TEST(Profile, RefusesAMeshThatTouchesTheCurvesByChance) {
   team.run([&] { result = associate_in_plane(mesh, lines, team); });
   ASSERT_FALSE(result);
   EXPECT_NE(result.error().sentence.find("Only 1 of 24 edges"), std::string::npos) << result.error().sentence;
-  // A short line of which this edge covers half is meant.
+  // If the edge covers half of a short line, the two belong together.
   lines.curves[0] = {1, geometry::line(a, a + 1.5 * (b - a)), {}, {}};
   team.run([&] { result = associate_in_plane(mesh, lines, team); });
   EXPECT_TRUE(result);
