@@ -25,7 +25,11 @@ bool has(std::span<const std::int32_t> vertices, const SplitPlace& place) {
 }  // namespace
 
 SplitRules::SplitRules(const HighOrderMesh& mesh, const Cells& cells, const std::vector<bool>& fixed)
-    : mesh_(mesh), cells_(cells), fixed_(fixed), first_(mesh.node_count() + 1, 0), sign_(detail::orientation(mesh)) {
+    : mesh_(mesh),
+      cells_(cells),
+      fixed_(fixed),
+      at_vertices_(cells, mesh.node_count()),
+      sign_(detail::orientation(mesh)) {
   const Facets facet = facets(mesh);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     const auto all = reference::info(cells.shape(c)).facets;
@@ -44,16 +48,6 @@ SplitRules::SplitRules(const HighOrderMesh& mesh, const Cells& cells, const std:
     for (std::size_t e = 0; e < block.size(); ++e)
       forbid(std::span(block.nodes).subspan(e * stride, at(info.vertices)));
   }
-  const auto for_each_corner = [&](auto&& visit) {
-    for (std::size_t c = 0; c < cells.count(); ++c)
-      for (int v = 0; v < reference::info(cells.shape(c)).vertices; ++v)
-        visit(at(cells.nodes(c)[at(v)]), static_cast<std::int32_t>(c));
-  };
-  for_each_corner([&](std::size_t node, std::int32_t) { ++first_[node + 1]; });
-  for (std::size_t n = 0; n < mesh.node_count(); ++n) first_[n + 1] += first_[n];
-  cells_of_.resize(first_.back());
-  std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
-  for_each_corner([&](std::size_t node, std::int32_t cell) { cells_of_[next[node]++] = cell; });
   for (const Shape shape : {Shape::Triangle, Shape::Tetrahedron}) weights_[shape] = node_weights(shape, mesh.order);
   for (std::size_t vertices = 1; vertices < centre_basis_.size(); ++vertices)
     centre_basis_[vertices] = basis_at_centre(vertices);
@@ -81,7 +75,7 @@ bool SplitRules::is_boundary(const SplitPlace& face) const { return faces_.conta
 
 std::vector<std::int32_t> SplitRules::cells_around(const SplitPlace& place) const {
   std::vector<std::int32_t> result;
-  for (const std::int32_t cell : cells_of(place[0])) {
+  for (const std::int32_t cell : at_vertices_.of(place[0])) {
     const auto vertices = at(reference::info(cells_.shape(at(cell))).vertices);
     if (has(cells_.nodes(at(cell)).first(vertices), place)) result.push_back(cell);
   }

@@ -12,6 +12,7 @@
 
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/problem/cells_at_vertices.h"
 #include "core/repair/node_key.h"
 #include "core/repair/split.h"
 
@@ -34,11 +35,7 @@ class SplitRules {
   /// The cells that have the edge or face, in ascending order.
   std::vector<std::int32_t> cells_around(const SplitPlace& place) const;
 
-  /// The cells that have the vertex, in ascending order.
-  std::span<const std::int32_t> cells_of(std::int32_t vertex) const {
-    const auto first = first_[static_cast<std::size_t>(vertex)], end = first_[static_cast<std::size_t>(vertex) + 1];
-    return std::span(cells_of_).subspan(first, end - first);
-  }
+  const detail::CellsAtVertices& at_vertices() const { return at_vertices_; }
 
   /// Whether the face is on the boundary or has an element of its own.
   bool is_boundary(const SplitPlace& face) const;
@@ -57,8 +54,7 @@ class SplitRules {
   const std::vector<bool>& fixed_;
   std::set<SplitPlace> faces_;                             // those on the boundary or with an element
   std::set<std::pair<std::int32_t, std::int32_t>> edges_;  // theirs, and those with an element
-  std::vector<std::uint32_t> first_;                       // by node: the start of its cells in cells_of_
-  std::vector<std::int32_t> cells_of_;
+  detail::CellsAtVertices at_vertices_;
   double sign_;
   std::map<Shape, NodeWeights> weights_;
   // Values of the basis at the centre of some of a tetrahedron's vertices; bit v of the index stands for vertex v.

@@ -41,7 +41,7 @@ bool lies_on(const VertexNodes& vertices, const std::array<std::int32_t, 4>& wei
 void mark_outside(CellPatch& patch, std::span<const std::int32_t> cells, const SplitRules& rules) {
   const auto is_outside = [&](std::int32_t cell) { return !std::ranges::binary_search(cells, cell); };
   for (std::size_t n = 0; n < patch.in_whole.size(); ++n)
-    patch.shared[n] = std::ranges::any_of(rules.cells_of(patch.in_whole[n]), is_outside);
+    patch.shared[n] = std::ranges::any_of(rules.at_vertices().of(patch.in_whole[n]), is_outside);
   const Cells own(patch.mesh, patch.mesh.dimension);
   for (std::size_t c = 0; c < own.count(); ++c) {
     const Shape shape = own.shape(c);

@@ -211,7 +211,7 @@ class Pass {
       for (const std::int32_t cell : wanted) {
         team_.look();
         if (looks_ >= most) break;
-        const std::vector<std::int32_t> around = cells_around(cell, rules);
+        const std::vector<std::int32_t> around = rules.at_vertices().around(cells_, cell, kLayers);
         if (std::ranges::any_of(around, [&](std::int32_t each) { return locked[at(each)]; })) continue;
         std::optional<CellPatch> patch =
             swapper.swap(take_patch(mesh_, cells_, around, *fixed, rules), cells_.number(at(cell)), team_);
@@ -253,24 +253,6 @@ class Pass {
     std::ranges::sort(wanted);
     std::vector<std::int32_t> result;
     for (const auto& [level, cell] : wanted) result.push_back(cell);
-    return result;
-  }
-
-  std::vector<std::int32_t> cells_around(std::int32_t cell, const SplitRules& rules) const {
-    std::vector<std::int32_t> result{cell};
-    for (int layer = 0; layer < kLayers; ++layer) {
-      std::vector<std::int32_t> more;
-      for (const std::int32_t each : result) {
-        const auto vertices = at(reference::info(cells_.shape(at(each))).vertices);
-        for (const std::int32_t vertex : cells_.nodes(at(each)).first(vertices)) {
-          const auto of = rules.cells_of(vertex);
-          more.insert(more.end(), of.begin(), of.end());
-        }
-      }
-      std::ranges::sort(more);
-      more.erase(std::unique(more.begin(), more.end()), more.end());
-      result = std::move(more);
-    }
     return result;
   }
 

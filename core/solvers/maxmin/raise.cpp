@@ -9,6 +9,7 @@
 #include "core/merit/merit.h"
 #include "core/merit/thresholds.h"
 #include "core/mesh/connectivity.h"
+#include "core/problem/cells_at_vertices.h"
 #include "core/reference/shape.h"
 #include "core/solvers/maxmin/patch.h"
 
@@ -152,35 +153,9 @@ class Raiser {
   /// The cells of each vertex, and in how many cells each node is.
   void find_neighbours() {
     in_cells_.assign(mesh_.node_count(), 0);
-    first_.assign(mesh_.node_count() + 1, 0);
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
-      for (const std::int32_t node : cells_.nodes(cell)) ++in_cells_[at(node)];
-      for (const std::int32_t vertex : vertices(cell)) ++first_[at(vertex) + 1];
-    }
-    for (std::size_t n = 0; n + 1 < first_.size(); ++n) first_[n + 1] += first_[n];
-    around_.resize(at(first_.back()));
-    std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
     for (std::size_t cell = 0; cell < cells_.count(); ++cell)
-      for (const std::int32_t vertex : vertices(cell))
-        around_[at(next[at(vertex)]++)] = static_cast<std::int32_t>(cell);
-  }
-
-  std::span<const std::int32_t> vertices(std::size_t cell) const {
-    return cells_.nodes(cell).first(at(reference::info(cells_.shape(cell)).vertices));
-  }
-
-  std::vector<std::int32_t> cells_around(std::int32_t cell, int layers) const {
-    std::vector<std::int32_t> result{cell};
-    for (int layer = 0; layer < layers; ++layer) {
-      std::vector<std::int32_t> more;
-      for (const std::int32_t each : result)
-        for (const std::int32_t vertex : vertices(at(each)))
-          more.insert(more.end(), around_.begin() + first_[at(vertex)], around_.begin() + first_[at(vertex) + 1]);
-      std::ranges::sort(more);
-      more.erase(std::unique(more.begin(), more.end()), more.end());
-      result = std::move(more);
-    }
-    return result;
+      for (const std::int32_t node : cells_.nodes(cell)) ++in_cells_[at(node)];
+    at_vertices_ = detail::CellsAtVertices(cells_, mesh_.node_count());
   }
 
   /// The nodes that only these cells have, and that are not fixed.
@@ -219,7 +194,7 @@ class Raiser {
   /// Returns false if the cell cannot be raised in a larger patch either.
   bool raise_patch(std::int32_t cell, int layers) {
     team_.look();
-    const std::vector<std::int32_t> around = cells_around(cell, layers);
+    const std::vector<std::int32_t> around = at_vertices_.around(cells_, cell, layers);
     const std::vector<std::int32_t> free = free_nodes(around);
     std::vector<MaxMinPatch::Cell> taken = patch_cells(around);
     if (taken.empty()) return false;
@@ -362,8 +337,7 @@ class Raiser {
   Cells cells_;
   SampleTables tables_;
   std::vector<std::int32_t> in_cells_;  // by node
-  std::vector<std::int64_t> first_;     // by node, into around_
-  std::vector<std::int32_t> around_;    // the cells of the vertices
+  detail::CellsAtVertices at_vertices_;
   std::set<std::int32_t> raised_;
   RaiseMemory& memory_;
   std::int64_t left_;  // looks
