@@ -11,7 +11,7 @@ import scipy.sparse.linalg
 WAVE_NUMBER = 4.0
 CELLS_AT_ONCE = 64
 MOST_FACTORED = 60_000  # unknowns; a factor of a larger matrix in 3-D takes many GB
-PRISMS = {90: 3, 91: 4}  # Gmsh's numbers of the prisms that it has no functions for, and their orders
+PRISMS = {90: 3, 91: 4, 106: 5, 107: 6}  # Gmsh's numbers of the prisms that it has no functions for, and their orders
 RESIDUAL = 1e-11  # of conjugate gradients, relative to the right side: far below every error of the tables
 # The facets of a reference cell in Gmsh's coordinates: the points with normal · ξ = offset.
 FACETS = {
