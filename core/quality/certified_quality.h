@@ -22,6 +22,10 @@ QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std
 /// interrupt it. `facets`: those of the mesh, if they are known and it is no surface in space.
 QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team, const Facets* facets = nullptr);
 
+/// The same for a mesh whose cells are certified already, by a Certifier of this mesh. If cells are numbered clockwise,
+/// or the mesh is a surface in space, or there are no certificates, the cells are certified again.
+QualityReport quality(const HighOrderMesh& mesh, std::vector<Certificate> certificates, const Team& team);
+
 /// The same as the first in a twentieth of the time, for runs that are to end at once: samples are only at the
 /// vertices, at the middle of edges and between them (lattice_intervals 2), no bound is sharpened, and the loss of
 /// accuracy is left out. It is never interrupted.

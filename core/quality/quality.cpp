@@ -222,20 +222,35 @@ QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   return quality(mesh, intervals, Team(threads));
 }
 
-QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team, const Facets* facets) {
+namespace {
+
+/// quality(), with certificates that hold if the mesh is judged as it is.
+QualityReport judge(const HighOrderMesh& mesh, int intervals, std::vector<Certificate> certificates, const Team& team,
+                    const Facets* facets) {
   std::optional<detail::JudgedMesh> judged;
   std::optional<Certifier> certifier;
-  std::vector<Certificate> certificates;
   team.run([&] {
     judged.emplace(mesh, team, facets);
     certifier.emplace(judged->mesh(), CertificateOptions{}, team);
-    certificates.resize(certifier->cells());
+    const bool is_as_it_came = judged->surface() == nullptr && judged->clockwise().empty();
+    if (is_as_it_came && certificates.size() == certifier->cells()) return;
+    certificates.assign(certifier->cells(), {});
     certifier->certify(judged->mesh().coordinates, certificates, team);
   });
   QualityReport report = quality(judged->mesh(), *certifier, std::move(certificates), intervals, team);
   report.clockwise = judged->clockwise();
   if (judged->surface() != nullptr) judged->surface()->put_in_space(report);
   return report;
+}
+
+}  // namespace
+
+QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team, const Facets* facets) {
+  return judge(mesh, intervals, {}, team, facets);
+}
+
+QualityReport quality(const HighOrderMesh& mesh, std::vector<Certificate> certificates, const Team& team) {
+  return judge(mesh, 0, std::move(certificates), team, nullptr);
 }
 
 CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return cell_quality(sample(mesh, 0, team)); }

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "core/association/association.h"
 #include "core/base/io/allowance.h"
 #include "core/base/stop_token.h"
 #include "core/base/stopwatch.h"
@@ -128,6 +129,8 @@ RunSummary stopped_early() {
 
 /// How long a mesh is still read after the run was asked to stop.
 constexpr double kSecondsToReadOn = 0.25;
+/// A time limit that has passed, in seconds; 0 would be none.
+constexpr double kNoTimeLeft = 1e-9;
 
 /// Reads the mesh of the request, with the memory for it, and takes the time from the request's time limit. Nothing if
 /// the run is to stop.
@@ -169,7 +172,7 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
   if (stop.reason() == StopToken::Reason::TimeLimit)
     return bad_input("The time limit passed while the mesh was read; allow more seconds, or none (0).");
   if (!file) return tl::unexpected(file.error());
-  if (limit > 0) limit = std::max(1e-9, limit - watch.seconds());
+  if (limit > 0) limit = std::max(kNoTimeLeft, limit - watch.seconds());
   return std::move(*file);
 }
 
@@ -210,11 +213,25 @@ Expected<std::optional<LayerOptions>> layers_of(const RunRequest& request) {
   return std::optional(std::move(*options));
 }
 
+/// The mesh with its CAD model, if normals of walls are to be found on it. Without a model, in the plane, and if the
+/// mesh does not fit, which the run says later, there is none. Throws Interrupted if the team's token says so.
+std::optional<Association> associated(const HighOrderMesh& mesh, const geometry::CadModel* model, const Team& team) {
+  if (model == nullptr || mesh.dimension != 3) return std::nullopt;
+  const auto geometry = model->geometry();
+  if (!geometry) return std::nullopt;
+  Expected<Association> found;
+  team.run([&] { found = associate(mesh, *geometry, team); });
+  return found ? std::optional(std::move(*found)) : std::nullopt;
+}
+
 /// Grows thick cells on the walls, if that is wanted, and takes the time from the time limit. `metrics` gets what came
-/// of it. False if the run was stopped.
-Expected<bool> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOptions>& layers, Options& options,
-                                const RunHooks& hooks, v1::Metrics& metrics) {
-  if (!layers || layers->grow == 0) return true;
+/// of it. If the run is stopped, or the time limit passes, the mesh stays as it came. Returns how thick the cells are,
+/// or nothing if the mesh cannot have the layers that are wanted for this reason.
+Expected<std::optional<ThicknessShares>> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOptions>& layers,
+                                                          RunRequest& request, const RunHooks& hooks,
+                                                          v1::Metrics& metrics) {
+  if (!layers || layers->grow == 0) return std::optional<ThicknessShares>(std::in_place);
+  Options& options = request.options;
   StopToken stop(
       [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
   if (options.time_limit > 0) stop.stop_after(options.time_limit);
@@ -223,11 +240,15 @@ Expected<bool> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOpti
   team.set_stop(&stop);
   Expected<GrownLayer> grown;
   try {
-    grown = grow_layer(mesh, layers->walls, layers->grow, team);
+    const auto model = associated(mesh.mesh, request.model.get(), team);
+    grown = grow_layer(mesh, layers->walls, layers->grow, team, model ? &*model : nullptr);
   } catch (const Interrupted&) {
-    if (stop.reason() == StopToken::Reason::TimeLimit)
-      return bad_input("The time limit passed while the layer was grown; allow more seconds, or none (0).");
-    return false;
+    const bool was_late = stop.reason() == StopToken::Reason::TimeLimit;
+    if (was_late) options.time_limit = kNoTimeLeft;
+    if (hooks.on_note)
+      hooks.on_note(std::string(was_late ? "The time limit passed" : "The run was stopped") +
+                    " while the layer was grown, so the mesh gets no layers. It is not optimised either.");
+    return std::optional<ThicknessShares>();
   }
   if (!grown) return tl::unexpected(grown.error());
   team.set_stop(nullptr);
@@ -236,23 +257,26 @@ Expected<bool> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOpti
   auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
   if (!checked) return tl::unexpected(checked.error());
   mesh = std::move(*checked);
-  if (options.time_limit > 0) options.time_limit = std::max(1e-9, options.time_limit - watch.seconds());
-  return true;
+  if (options.time_limit > 0) options.time_limit = std::max(kNoTimeLeft, options.time_limit - watch.seconds());
+  return std::optional(std::move(grown->shares));
 }
 
-/// Splits thick cells of the result into layers, if that is wanted. `metrics` gets what came of it.
-Expected<void> make_layers(Result& result, const std::optional<LayerOptions>& layers, int threads,
-                           const RunHooks& hooks, v1::Metrics& metrics) {
-  if (!layers) return {};
+/// Splits thick cells of the result into layers. `metrics` gets what came of it. Returns how thick the row is in each
+/// cell, if it was grown for this run: see thickness_of_cells().
+/// @param grown  how thick the cells are, if they were grown
+Expected<std::vector<double>> make_layers(Result& result, const LayerOptions& layers, const ThicknessShares& grown,
+                                          int threads, const RunHooks& hooks, v1::Metrics& metrics) {
   if (result.stopped) {
     if (hooks.on_note) hooks.on_note("The run was stopped, so the cells at the walls are not split into layers.");
-    return {};
+    if (grown.empty()) return std::vector<double>();
+    const auto checked = check_mesh(result.mesh, CheckFor::Judging, Team(threads));
+    return checked ? thickness_of_cells(*checked, layers.walls, grown) : tl::unexpected(checked.error());
   }
-  const auto made = split_result(result, *layers, threads);
+  auto made = split_result(result, layers, grown, threads);
   if (!made) return tl::unexpected(made.error());
   metrics.mutable_layers()->MergeFrom(to_proto(made->report));
   *metrics.mutable_layers()->mutable_thick() = to_proto(made->thick);
-  return {};
+  return std::move(made->thickness);
 }
 
 /// Says what does not hang together in a mesh that is to be optimised or judged.
@@ -313,9 +337,9 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (!admitted) return tl::unexpected(admitted.error());
   if (!*admitted || (hooks.given_up && hooks.given_up())) return RunOutcome(stopped_early());
   v1::Metrics of_job;  // what the library's run knows nothing of
-  const auto grown = grow_thick_cells(*checked, *layers, request.options, hooks, of_job);
-  if (!grown || !*grown)
-    return grown ? Expected<RunOutcome>(RunOutcome(stopped_early())) : tl::unexpected(grown.error());
+  const auto grown = grow_thick_cells(*checked, *layers, request, hooks, of_job);
+  if (!grown) return tl::unexpected(grown.error());
+  if (hooks.given_up && hooks.given_up()) return RunOutcome(stopped_early());
   note_straight_boundary(mesh, request, hooks);
   const int most = most_threads(pairs_of_nodes(mesh, in_the_end), kPairsPerThread);
   RunControl control = hooks.control;
@@ -327,10 +351,11 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
                                                    request.options, control, hooks, of_job)
                                 : optimise(std::move(*checked), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
-  if (const auto made = make_layers(*result, *layers, request.options.threads, hooks, of_job); !made)
-    return tl::unexpected(made.error());
+  Expected<std::vector<double>> thickness;
+  if (*layers && *grown) thickness = make_layers(*result, **layers, **grown, request.options.threads, hooks, of_job);
+  if (!thickness) return tl::unexpected(thickness.error());
   const bool wanted = !(result->stopped && hooks.given_up());
-  const Expected<bool> written = wanted ? write_outputs(*result, request, read_as, hooks) : true;
+  const Expected<bool> written = wanted ? write_outputs(*result, *thickness, request, read_as, hooks) : true;
   if (!written) return tl::unexpected(written.error());
   RunOutcome outcome(static_cast<const RunSummary&>(*result));
   outcome.stopped = outcome.stopped || !*written;

@@ -7,6 +7,7 @@
 #include "core/base/stop_token.h"
 #include "core/base/stopwatch.h"
 #include "core/formats/stoppable_write.h"
+#include "core/layers/thickness_shares.h"
 #include "core/optimise/marks/marks.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/translate.h"
@@ -61,22 +62,26 @@ class Writing {
   const StopToken stop_;
 };
 
-Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const Sink& sink,
-                          Writing& writing) {
+Expected<void> write_mesh(const Result& result, std::span<const double> thickness, v1::MeshFormat format, int threads,
+                          const Sink& sink, Writing& writing) {
   if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
   if (format == v1::MESH_FORMAT_CELL_QUALITY)
     return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);
   if (format == v1::MESH_FORMAT_VTU) {
-    const CellMarks marks(result.mesh, result.unrepairable, threads);
+    const CellMarks marks(result.mesh, result.unrepairable, threads, thickness);
     return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads, &writing.stop_from_now());
   }
   // MSH 2.2 repeats an element for each additional group. Some readers do not know that and would count it twice.
   const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
-  if (result.unrepairable.empty() || repeats)
-    return formats::write(result.mesh, format_from(format), sink, {}, threads, &writing.stop_from_now());
+  const auto write = [&](const HighOrderMesh& mesh, std::span<const double> of_cells) {
+    std::vector<formats::CellField> fields;
+    if (!of_cells.empty()) fields.push_back(thickness_field(of_cells));
+    return formats::write(mesh, format_from(format), sink, fields, threads, &writing.stop_from_now());
+  };
+  if (result.unrepairable.empty() || repeats) return write(result.mesh, thickness);
   HighOrderMesh marked = result.mesh;
-  mark_unrepairable(marked, result.unrepairable);
-  return formats::write(marked, format_from(format), sink, {}, threads, &writing.stop_from_now());
+  const std::vector<std::int32_t> cells = mark_unrepairable(marked, result.unrepairable);
+  return write(marked, thickness_of_parts(thickness, cells));
 }
 
 }  // namespace
@@ -88,12 +93,12 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
   return outputs;
 }
 
-Expected<bool> write_outputs(const Result& result, const RunRequest& request, v1::MeshFormat read_as,
-                             const RunHooks& hooks) {
+Expected<bool> write_outputs(const Result& result, std::span<const double> thickness, const RunRequest& request,
+                             v1::MeshFormat read_as, const RunHooks& hooks) {
   Writing writing(hooks, request.options.time_limit);
   for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as)) {
     const Sink sink = writing.noted(hooks.open_output(format));
-    const auto written = write_mesh(result, format, request.options.threads, sink, writing);
+    const auto written = write_mesh(result, thickness, format, request.options.threads, sink, writing);
     if (!written && writing.is_out_of_time())
       return bad_input("Nothing of the result was written within the time limit; allow more seconds, or none (0).");
     if (!written && writing.is_stopped()) return false;

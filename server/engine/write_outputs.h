@@ -1,6 +1,7 @@
 // Writes the results of a run.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/optimise/optimiser.h"
@@ -14,7 +15,8 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
 
 /// Writes the results, and says what their formats have no place for. False if the run is to stop and they do not get
 /// on. Errors: BadInput if the time limit of the request is over, Output if a sink stopped.
-Expected<bool> write_outputs(const Result& result, const RunRequest& request, v1::MeshFormat read_as,
-                             const RunHooks& hooks);
+/// @param thickness  as for thickness_field() of core/optimise/marks/marks.h; empty: no row was grown on walls
+Expected<bool> write_outputs(const Result& result, std::span<const double> thickness, const RunRequest& request,
+                             v1::MeshFormat read_as, const RunHooks& hooks);
 
 }  // namespace varimesh::server

@@ -1,5 +1,6 @@
 // varimesh layers: splits thick cells at a wall into thin layers, in this process.
 #include <iostream>
+#include <optional>
 
 #include "client/cli/common_flags.h"
 #include "client/commands/commands.h"
@@ -17,9 +18,11 @@
 #include "core/formats/reading_notes.h"
 #include "core/layers/grow/grow_layer.h"
 #include "core/layers/split/split_layers.h"
+#include "core/layers/thickness_shares.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
+#include "core/quality/certified_quality.h"
 
 namespace varimesh::client {
 namespace {
@@ -41,32 +44,48 @@ Expected<formats::Format> check_files(const Arguments& arguments, formats::Forma
   return distinct ? format : tl::unexpected(distinct.error());
 }
 
+/// What came of the layers, and what is known of the cells with them.
+struct Made {
+  v1::LayersReport report;
+  std::vector<double> thickness;  ///< As for thickness_field().
+  std::vector<Certificate> certificates;
+};
+
+/// The fields that a file of this format gets.
+std::vector<formats::CellField> fields_of(const CellMarks* marks, const Made& made) {
+  if (marks != nullptr) return marks->fields();
+  if (made.thickness.empty()) return {};
+  return {thickness_field(made.thickness)};
+}
+
 /// Writes the mesh, the report page, and what is printed. Returns the exit status.
-int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format format, const v1::LayersReport& made) {
+int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format format, Made made) {
   Options options;
   options.threads = arguments.threads;
   const auto mesh = summarise(file.mesh, options);
   if (!mesh) return print_error(mesh.error());
-  const QualityReport found = varimesh::quality(file.mesh, 0, arguments.threads);
+  const QualityReport found = varimesh::quality(file.mesh, std::move(made.certificates), Team(arguments.threads));
   const WhatIsLeft left = what_is_left(file.mesh, uncertified_numbers(found), {}, {});
   if (const std::string lost = formats::left_out(file.mesh, format); !lost.empty())
     std::cerr << "varimesh: " << lost << "\n";
-  std::vector<formats::CellField> fields;
-  if (format == formats::Format::Vtu) fields = CellMarks(file.mesh, {}, arguments.threads).fields();
+  std::optional<CellMarks> marks;
+  if (format == formats::Format::Vtu)
+    marks.emplace(file.mesh, std::span<const UnrepairableGroup>(), arguments.threads, made.thickness);
+  const std::vector<formats::CellField> fields = fields_of(marks ? &*marks : nullptr, made);
   if (const auto written = formats::write_file(file.mesh, format, arguments.output, fields, arguments.threads);
       !written)
     return print_error(written.error());
   if (arguments.common.json) {
     Json whole = document(*mesh, found, {}, left);
-    whole["layers"] = document(made);
+    whole["layers"] = document(made.report);
     print(whole);
   } else {
     std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
-    out << layers_text(made) << summary(*mesh, found);
+    out << layers_text(made.report) << summary(*mesh, found);
   }
   if (!arguments.report.empty())
     if (const auto written = write_quality_report(arguments.report, arguments.input, std::move(file.mesh), *mesh, found,
-                                                  {}, left, &made);
+                                                  {}, left, &made.report);
         !written)
       return print_error(written.error());
   if (!found.uncertified.empty())
@@ -74,16 +93,19 @@ int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format
   return print_uncertified(found.certified.invalid, found.certified.undecided);
 }
 
-/// Grows thick cells on the walls, if that is wanted.
-Expected<void> grow(CheckedMesh& mesh, const LayerOptions& wanted, const Team& team, v1::LayersReport& report) {
+/// Grows thick cells on the walls, if that is wanted. `made` gets the report, and how thick each cell is.
+Expected<void> grow(CheckedMesh& mesh, const LayerOptions& wanted, const Team& team, Made& made) {
   if (wanted.grow == 0) return {};
   auto grown = grow_layer(mesh, wanted.walls, wanted.grow, team);
   if (!grown) return tl::unexpected(grown.error());
   std::cerr << "varimesh: " << grown->sentence << "\n";
-  report = layers_message(*grown);
+  made.report = layers_message(*grown);
   auto checked = check_mesh(std::move(grown->mesh), CheckFor::Optimising, team);
   if (!checked) return tl::unexpected(checked.error());
   mesh = std::move(*checked);
+  auto thickness = thickness_of_cells(mesh, wanted.walls, grown->shares);
+  if (!thickness) return tl::unexpected(thickness.error());
+  made.thickness = std::move(*thickness);
   return {};
 }
 
@@ -106,13 +128,15 @@ int layers(Arguments arguments) {
   const Team team(arguments.threads);
   auto checked = check_mesh(file->mesh, CheckFor::Optimising, team);
   if (!checked) return print_error(with_fitting_orders(checked.error(), *file));
-  auto grown = v1::LayersReport();
-  if (const auto done = grow(*checked, *wanted, team, grown); !done) return print_error(done.error());
+  Made made;
+  if (const auto done = grow(*checked, *wanted, team, made); !done) return print_error(done.error());
   auto split = split_layers(*checked, *wanted, team);
   if (!split) return print_error(split.error());
   file->mesh = std::move(split->mesh);
-  grown.MergeFrom(layers_message(split->report));
-  return deliver(arguments, *file, *format, grown);
+  made.report.MergeFrom(layers_message(split->report));
+  made.thickness = thickness_of_parts(made.thickness, split->parents);
+  made.certificates = std::move(split->certificates);
+  return deliver(arguments, *file, *format, std::move(made));
 }
 
 }  // namespace

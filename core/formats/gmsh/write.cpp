@@ -7,6 +7,7 @@
 
 #include "core/formats/common/format.h"
 #include "core/formats/gmsh/types.h"
+#include "core/mesh/connectivity.h"
 
 namespace varimesh::formats {
 
@@ -81,9 +82,36 @@ void write_foreign(const HighOrderMesh& mesh, Format format, BufferedOutput& out
   }
 }
 
+// A field as $ElementData, without cells whose value is 0. The element numbers are those of 32 bits in binary files of
+// both versions.
+void write_field(const HighOrderMesh& mesh, const CellField& field, BufferedOutput& out) {
+  const Cells cells(mesh, mesh.dimension);
+  std::vector<std::size_t> with_value;
+  for (std::size_t cell = 0; cell < cells.count(); ++cell) {
+    if (field.values[cell] == 0) continue;
+    if (cells.number(cell) > std::numeric_limits<std::int32_t>::max()) return;
+    with_value.push_back(cell);
+  }
+  if (with_value.empty()) return;
+  out.text("$ElementData\n1\n\"");
+  out.text(on_one_line(field.name));
+  out.text("\"\n1\n0\n3\n0\n1\n");  // the time; the time step, one component
+  out.text_integer(std::ssize(with_value));
+  out.text("\n");
+  for (const std::size_t cell : with_value) {
+    out.integer(static_cast<int>(cells.number(cell)));
+    if (out.binary)
+      out.number(field.values[cell]);
+    else
+      out.text_number(field.values[cell]);
+    out.end_line();
+  }
+  out.text(out.binary ? "\n$EndElementData\n" : "$EndElementData\n");
+}
+
 }  // namespace
 
-Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField>,
+Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team) {
   if (auto possible = check_writable_as(mesh, format); !possible) return possible;
   const bool version22 = format == Format::Msh22 || format == Format::Msh22Binary;
@@ -95,6 +123,7 @@ Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& 
   else
     write_body_41(mesh, format, out);
   write_foreign(mesh, format, out);
+  for (const CellField& field : fields) write_field(mesh, field, out);
   return out.finish();
 }
 

@@ -7,7 +7,8 @@
 
 namespace varimesh::formats {
 
-/// Writes a whole MSH file of version 2.2 or 4.1, ASCII or binary. MSH files have no fields, so they are ignored.
+/// Writes a whole MSH file of version 2.2 or 4.1, ASCII or binary. A field becomes a section $ElementData, in which
+/// cells have no value if it is 0. It is left out if such a cell has a number of more than 32 bits.
 Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team);
 

@@ -7,6 +7,7 @@
 
 #include "core/base/index.h"
 #include "core/layers/facet_table.h"
+#include "core/layers/grow/model_normals.h"
 
 namespace varimesh::detail {
 namespace {
@@ -54,9 +55,10 @@ double least_seen(const std::vector<Vector>& normals, const Vector& direction) {
 }  // namespace
 
 Expected<GrowthColumns> GrowthColumns::find(const CheckedMesh& checked, std::span<const WallElement> walls,
-                                            const Freedoms& freedoms, double thickness) {
+                                            const Freedoms& freedoms, double thickness, const Association* model) {
   const HighOrderMesh& mesh = checked.mesh;
   const Cells elements(mesh, mesh.dimension - 1), cells(mesh, mesh.dimension);
+  const ModelNormals of_model(mesh, elements, model);
   std::map<Shape, FacetTable> tables;
   std::map<std::int32_t, std::vector<Vector>> normals;  // by the first of the vertices that are images of each other
   std::set<std::int32_t> vertices;
@@ -73,7 +75,7 @@ Expected<GrowthColumns> GrowthColumns::find(const CheckedMesh& checked, std::spa
     const auto [table, is_new] = tables.try_emplace(shape, shape, mesh.order, mesh.dimension);
     const std::vector<Vector> at_nodes = table->second.normals(mesh, nodes, inward);
     for (int v = 0; v < count; ++v) {
-      normals[freedoms.master(nodes[at(v)])].push_back(at_nodes[at(v)]);
+      normals[freedoms.master(nodes[at(v)])].push_back(of_model.at(wall.element, nodes[at(v)], at_nodes[at(v)]));
       vertices.insert(nodes[at(v)]);
     }
     for (const auto& edge : reference::info(shape).edges)

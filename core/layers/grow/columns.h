@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/association/association.h"
 #include "core/base/error.h"
 #include "core/layers/grow/freedom.h"
 #include "core/layers/walls.h"
@@ -28,8 +29,9 @@ class GrowthColumns {
   /// A direction has the largest angle that it can have to all elements of the wall around its vertex, if the wall is
   /// not smooth there, and keeps to planes and lines in which the wall ends.
   /// Errors: BadInput if there is no such direction.
+  /// @param model  what the mesh was made from, whose normals count; null: the elements' own normals do
   static Expected<GrowthColumns> find(const CheckedMesh& mesh, std::span<const WallElement> walls,
-                                      const Freedoms& freedoms, double thickness);
+                                      const Freedoms& freedoms, double thickness, const Association* model);
 
   std::span<const GrowthColumn> columns() const { return columns_; }
   /// The column of a node; null if it is no vertex of the wall.

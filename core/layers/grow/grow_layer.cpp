@@ -151,6 +151,8 @@ void describe(const HighOrderMesh& mesh, std::span<const detail::WallElement> wa
       full += here;
   }
   grown.full_share = whole > 0 ? full / whole : 0;
+  for (const detail::GrowthColumn& column : columns.columns())
+    grown.shares[mesh.node_numbers[at(column.vertex)]] = share(column);
   const auto [least, most] = std::ranges::minmax_element(columns.columns(), {}, share);
   grown.thickness = {share(*least) * thickness, share(*most) * thickness};
   std::ostringstream text;
@@ -165,13 +167,14 @@ void describe(const HighOrderMesh& mesh, std::span<const detail::WallElement> wa
   grown.sentence = text.str();
 }
 
-Expected<GrownLayer> grow(Turned& turned, std::span<const std::string> names, double thickness, const Team& team) {
+Expected<GrownLayer> grow(Turned& turned, std::span<const std::string> names, double thickness,
+                          const Association* model, const Team& team) {
   const CheckedMesh& checked = turned.checked;
   const HighOrderMesh& mesh = checked.mesh;
   const auto walls = detail::find_walls(mesh, checked.facets, names);
   if (!walls) return tl::unexpected(walls.error());
   const detail::Freedoms freedoms(checked, *walls);
-  auto columns = detail::GrowthColumns::find(checked, *walls, freedoms, thickness);
+  auto columns = detail::GrowthColumns::find(checked, *walls, freedoms, thickness, model);
   if (!columns) return tl::unexpected(columns.error());
   const detail::ElasticMove body(mesh, freedoms);
   const NearestOnWall nearest(mesh, *columns);
@@ -204,7 +207,7 @@ Expected<GrownLayer> grow(Turned& turned, std::span<const std::string> names, do
 }  // namespace
 
 Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,
-                                const Team& team) {
+                                const Team& team, const Association* model) {
   if (mesh.facets.first.empty())
     return bad_input("The mesh is a surface in space. Layers can be made in meshes of the plane and of space.");
   double size = 0;  // of the bounding box
@@ -225,7 +228,7 @@ Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::st
   Expected<GrownLayer> grown;
   team.run([&] {
     Turned turned(mesh, team);
-    grown = grow(turned, walls, thickness, team);
+    grown = grow(turned, walls, thickness, model, team);
   });
   if (grown && mesh.plane) mesh.plane->put_back(grown->mesh);
   return grown;

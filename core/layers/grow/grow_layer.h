@@ -6,9 +6,12 @@
 #include <string>
 
 #include "core/base/team.h"
+#include "core/layers/thickness_shares.h"
 #include "core/mesh/checked_mesh.h"
 
 namespace varimesh {
+
+struct Association;
 
 /// A mesh with a row of thick cells on its walls.
 struct GrownLayer {
@@ -16,6 +19,7 @@ struct GrownLayer {
   std::array<double, 2> thickness{};  ///< The smallest and the largest, in the mesh's unit of length.
   double full_share = 0;              ///< The share of the walls' area on which it is within 5 % of what was asked for.
   std::string sentence;               ///< For humans: how thick it is, and where it is thinnest.
+  ThicknessShares shares;             ///< At each vertex of the walls.
 };
 
 /// Puts a row of quadrilaterals, prisms or hexahedra on the boundary elements of the walls, along directions that see
@@ -33,7 +37,9 @@ struct GrownLayer {
 /// that do not exist, or on which no layer can grow.
 /// @param walls      as LayerOptions::walls
 /// @param thickness  in the mesh's unit of length
+/// @param model      the mesh with the CAD model that it was made from: in space the normals of the walls are those of
+///                   the model. Null: there is none
 Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,
-                                const Team& team);
+                                const Team& team, const Association* model = nullptr);
 
 }  // namespace varimesh

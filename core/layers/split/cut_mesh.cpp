@@ -28,20 +28,22 @@ class MeshCutter {
         for (const std::int64_t number : *numbers) last_element_ = std::max(last_element_, number);
   }
 
-  Expected<HighOrderMesh> cut(const std::vector<std::int32_t>& in_rows, LayerSplitReport& report) {
+  Expected<CutMesh> cut(const std::vector<std::int32_t>& in_rows, LayerSplitReport& report) {
     blocks_.resize(mesh_.blocks.size());
     // Cells come first, since their maps give the nodes their places. Each node is classified on the lowest entity that
     // has it.
     std::int32_t cell = 0;
+    std::vector<std::int32_t> parents;
     for (int dimension = mesh_.dimension; dimension >= 0; --dimension)
       for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
         if (reference::info(mesh_.blocks[b].shape).dimension != dimension) continue;
         if (const auto done = cut_block(b); !done) return tl::unexpected(done.error());
         if (dimension != mesh_.dimension) continue;
-        for (const char is_cut : is_cut_) {
-          report.split += is_cut;
-          if (is_cut != 0 && !std::ranges::binary_search(in_rows, cell)) ++report.beside;
-          ++cell;
+        for (const int parts : parts_) {
+          const bool is_cut = parts > 1;
+          report.split += is_cut ? 1 : 0;
+          if (is_cut && !std::ranges::binary_search(in_rows, cell)) ++report.beside;
+          parents.insert(parents.end(), at(parts), cell++);
         }
         report.cells_after += static_cast<std::int64_t>(blocks_[b].size());
       }
@@ -61,7 +63,7 @@ class MeshCutter {
     for (const PeriodicLink& link : mesh_.periodic) place_link(result, link);
     if (const auto checked = check_counts(static_cast<std::int64_t>(result.node_count()), report.cells_after); !checked)
       return tl::unexpected(checked.error());
-    return result;
+    return CutMesh{std::move(result), std::move(parents)};
   }
 
  private:
@@ -72,7 +74,7 @@ class MeshCutter {
     made.nodes.clear();
     made.numbers.clear();
     made.repeat_numbers.clear();
-    is_cut_.assign(old.size(), 0);
+    parts_.assign(old.size(), 1);
     if (old.size() == 0) return {};
     const std::size_t stride = old.nodes.size() / old.size(), repeats = old.repeat_numbers.size() / old.size();
     for (std::size_t e = 0; e < old.size(); ++e) {
@@ -85,7 +87,7 @@ class MeshCutter {
         made.nodes.insert(made.nodes.end(), nodes.begin(), nodes.end());
         continue;
       }
-      is_cut_[e] = 1;
+      parts_[e] = cut->pattern->count;
       const std::vector<std::int32_t> points = nodes_of_points(*cut, nodes, old);
       for (const std::int32_t point : cut->pattern->nodes) made.nodes.push_back(points[at(point)]);
       for (int part = 1; part < cut->pattern->count; ++part) {
@@ -213,7 +215,7 @@ class MeshCutter {
   ElementCutter cutter_;
   NewNodes new_nodes_;
   std::vector<ElementBlock> blocks_;
-  std::vector<char> is_cut_;  ///< Of the elements of the last block.
+  std::vector<int> parts_;  ///< Of the elements of the last block: into how many each is cut.
   std::int64_t last_element_ = 0;
   std::vector<double> coordinates_;            ///< Of the new nodes.
   std::vector<std::pair<int, int>> entities_;  ///< Of the new nodes: dimension, tag.
@@ -223,8 +225,8 @@ class MeshCutter {
 
 }  // namespace
 
-Expected<HighOrderMesh> cut_mesh(const HighOrderMesh& mesh, const Topology& topology, const LayerCuts& cuts,
-                                 const std::vector<std::int32_t>& in_rows, LayerSplitReport& report) {
+Expected<CutMesh> cut_mesh(const HighOrderMesh& mesh, const Topology& topology, const LayerCuts& cuts,
+                           const std::vector<std::int32_t>& in_rows, LayerSplitReport& report) {
   return MeshCutter(mesh, topology, cuts).cut(in_rows, report);
 }
 

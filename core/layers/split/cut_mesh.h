@@ -8,9 +8,15 @@
 
 namespace varimesh::detail {
 
+/// A mesh whose cells are cells of another mesh, or parts of them.
+struct CutMesh {
+  HighOrderMesh mesh;
+  std::vector<std::int32_t> parents;  ///< By cell: the cell of the other mesh.
+};
+
 /// The mesh with all elements cut whose edges are. Counts in the report how many cells that is; `in_rows` are the cells
 /// above the wall, sorted. Errors: BadInput if an element cannot be cut so, or if there would be too many nodes.
-Expected<HighOrderMesh> cut_mesh(const HighOrderMesh& mesh, const Topology& topology, const LayerCuts& cuts,
-                                 const std::vector<std::int32_t>& in_rows, LayerSplitReport& report);
+Expected<CutMesh> cut_mesh(const HighOrderMesh& mesh, const Topology& topology, const LayerCuts& cuts,
+                           const std::vector<std::int32_t>& in_rows, LayerSplitReport& report);
 
 }  // namespace varimesh::detail

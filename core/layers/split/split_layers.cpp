@@ -19,12 +19,43 @@
 namespace varimesh {
 namespace {
 
-/// How many cells are not certified valid. Call it inside team.run().
-std::int64_t uncertified(const HighOrderMesh& mesh, const Team& team) {
+/// Call it inside team.run().
+std::vector<Certificate> certificates_of(const HighOrderMesh& mesh, const Team& team) {
   const Certifier certifier(mesh, {}, team);
   std::vector<Certificate> certificates(certifier.cells());
   certifier.certify(mesh.coordinates, certificates, team);
+  return certificates;
+}
+
+std::int64_t uncertified(std::span<const Certificate> certificates) {
   return std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
+}
+
+/// Splits the mesh, and certifies the parts. Call it inside team.run().
+Expected<void> split_and_certify(const HighOrderMesh& mesh, const Topology& topology, const detail::Sheets& sheets,
+                                 const detail::WallColumns& wall, const LayerOptions& wanted, const Team& team,
+                                 SplitLayers& into) {
+  const auto cuts = detail::cut_layers(mesh, topology, sheets, wall, wanted, into.report);
+  if (!cuts) return tl::unexpected(cuts.error());
+  auto cut = detail::cut_mesh(mesh, topology, *cuts, wall.in_rows, into.report);
+  if (!cut) return tl::unexpected(cut.error());
+  into.mesh = std::move(cut->mesh);
+  into.parents = std::move(cut->parents);
+  into.certificates = certificates_of(into.mesh, team);
+  return {};
+}
+
+/// Cuts the cells into simplices.
+Expected<void> cut_into_simplices(SplitLayers& layers) {
+  std::vector<std::int32_t> parents;
+  auto simplices = to_simplices(layers.mesh, &parents);
+  if (!simplices) return tl::unexpected(simplices.error());
+  layers.mesh = std::move(*simplices);
+  for (std::int32_t& parent : parents) parent = layers.parents[at(parent)];
+  layers.parents = std::move(parents);
+  layers.certificates.clear();
+  layers.report.cells_after = static_cast<std::int64_t>(layers.mesh.element_count(layers.mesh.dimension));
+  return {};
 }
 
 /// How many cells there are at most with these cuts: a cell has as many parts as all sheets together that cut it.
@@ -88,29 +119,21 @@ Expected<SplitLayers> split_layers(const CheckedMesh& mesh, const LayerOptions& 
   team.run([&] {
     const Topology topology = varimesh::topology(mesh.mesh, Topology::Faces::None, team);
     const detail::Sheets sheets(mesh.mesh, topology);
-    const auto split = [&](SplitLayers& into) {
-      const auto cuts = detail::cut_layers(mesh.mesh, topology, sheets, *wall, wanted, into.report);
-      if (!cuts) return void(done = tl::unexpected(cuts.error()));
-      auto cut = detail::cut_mesh(mesh.mesh, topology, *cuts, wall->in_rows, into.report);
-      if (!cut) return void(done = tl::unexpected(cut.error()));
-      into.mesh = std::move(*cut);
-    };
-    split(result);
-    if (!done) return;
-    const std::int64_t left = uncertified(result.mesh, team);
-    if (left == 0 || left <= uncertified(mesh.mesh, team)) return;
+    done = split_and_certify(mesh.mesh, topology, sheets, *wall, wanted, team, result);
+    const std::int64_t left = uncertified(result.certificates);
+    if (!done || left == 0 || left <= uncertified(certificates_of(mesh.mesh, team))) return;
     SplitLayers exact;
     exact.report.same_shares = true;
-    split(exact);
-    if (done && uncertified(exact.mesh, team) < left) result = std::move(exact);
+    done = split_and_certify(mesh.mesh, topology, sheets, *wall, wanted, team, exact);
+    if (done && uncertified(exact.certificates) < left) result = std::move(exact);
   });
   if (!done) return tl::unexpected(done.error());
-  if (mesh.plane) mesh.plane->put_back(result.mesh);
-  if (!wanted.simplices) return result;
-  auto simplices = to_simplices(result.mesh);
-  if (!simplices) return tl::unexpected(simplices.error());
-  result.mesh = std::move(*simplices);
-  result.report.cells_after = static_cast<std::int64_t>(result.mesh.element_count(result.mesh.dimension));
+  if (mesh.plane) {
+    mesh.plane->put_back(result.mesh);
+    result.certificates.clear();
+  }
+  if (wanted.simplices)
+    if (const auto cut = cut_into_simplices(result); !cut) return tl::unexpected(cut.error());
   return result;
 }
 

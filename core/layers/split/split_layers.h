@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "core/mesh/checked_mesh.h"
 #include "core/options/layer_options.h"
+#include "core/validity/certificate.h"
 
 namespace varimesh {
 
@@ -29,6 +31,10 @@ struct LayerSplitReport {
 struct SplitLayers {
   HighOrderMesh mesh;
   LayerSplitReport report;
+  std::vector<std::int32_t> parents;  ///< By cell of `mesh`: the cell of the thick mesh that it is a part of.
+  /// Of the cells of `mesh` as they are numbered. Empty if they were not certified in the end: cut into simplices, or
+  /// in a plane that is not z = constant.
+  std::vector<Certificate> certificates;
 };
 
 /// Splits the cells in the rows above the walls into layers. Layers are made from quadrilaterals, hexahedra, and prisms

@@ -71,7 +71,8 @@ std::vector<int> nodes_of_simplices(Shape shape, int order, const Ranks& rank) {
 
 class Cutter {
  public:
-  explicit Cutter(const HighOrderMesh& mesh) : mesh_(mesh), rank_(mesh.node_count()) {
+  Cutter(const HighOrderMesh& mesh, std::vector<std::int32_t>* parents)
+      : mesh_(mesh), parents_(parents), rank_(mesh.node_count()) {
     std::iota(rank_.begin(), rank_.end(), 0);
     for (const PeriodicLink& link : mesh.periodic)
       for (const auto& [node, master] : link.nodes) rank_[at(node)] = std::min(rank_[at(node)], rank_[at(master)]);
@@ -84,7 +85,9 @@ class Cutter {
     HighOrderMesh result = mesh_;
     for (ElementBlock& block : result.blocks) {
       const reference::ShapeInfo& info = reference::info(block.shape);
+      const std::size_t had = block.size();
       if (info.dimension >= 2 && !info.affine) cut(block);
+      if (info.dimension == mesh_.dimension) note_parents(had, block.size());
     }
     std::erase_if(result.foreign, [](const ForeignSection& section) {
       return section.name == "ElementData" || section.name == "ElementNodeData";
@@ -93,6 +96,12 @@ class Cutter {
   }
 
  private:
+  /// All elements of a block have the same number of parts.
+  void note_parents(std::size_t had, std::size_t has) {
+    if (parents_ == nullptr || had == 0) return;
+    for (std::size_t e = 0; e < had; ++e) parents_->insert(parents_->end(), has / had, cell_++);
+  }
+
   void cut(ElementBlock& block) {
     const ElementBlock old = block;
     const bool is_flat = reference::info(old.shape).dimension == 2;
@@ -130,6 +139,8 @@ class Cutter {
   }
 
   const HighOrderMesh& mesh_;
+  std::vector<std::int32_t>* parents_;
+  std::int32_t cell_ = 0;
   std::vector<std::int32_t> rank_;  ///< By node: its index, or that of its periodic master if that is lower.
   std::int64_t last_ = 0;           ///< The highest number of an element.
   std::map<std::tuple<Shape, int, Ranks>, std::vector<int>> patterns_;
@@ -137,14 +148,14 @@ class Cutter {
 
 }  // namespace
 
-Expected<HighOrderMesh> to_simplices(const HighOrderMesh& mesh) {
+Expected<HighOrderMesh> to_simplices(const HighOrderMesh& mesh, std::vector<std::int32_t>* parents) {
   if (const auto checked = check_blocks(mesh); !checked) return tl::unexpected(checked.error());
   std::int64_t cells = 0;
   for (const ElementBlock& block : mesh.blocks)
     if (reference::info(block.shape).dimension == mesh.dimension) cells += 6 * std::int64_t(block.size());
   if (const auto checked = check_counts(std::int64_t(mesh.node_count()), cells); !checked)
     return tl::unexpected(checked.error());
-  return Cutter(mesh).cut();
+  return Cutter(mesh, parents).cut();
 }
 
 }  // namespace varimesh

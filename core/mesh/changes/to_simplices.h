@@ -1,6 +1,9 @@
 // Cuts all cells into triangles or tetrahedra.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
 
@@ -16,6 +19,7 @@ namespace varimesh {
 /// its own through them, so a mesh of curved cells should be judged again. The first simplex of an element keeps its
 /// number. Fields on elements in sections that VariMesh does not use ($ElementData, $ElementNodeData) are dropped.
 /// Errors: BadInput as for check_blocks(), or if there would be too many cells.
-Expected<HighOrderMesh> to_simplices(const HighOrderMesh& mesh);
+/// @param parents  gets, by cell of the result, the cell that it is a part of; null: nobody wants to know
+Expected<HighOrderMesh> to_simplices(const HighOrderMesh& mesh, std::vector<std::int32_t>* parents = nullptr);
 
 }  // namespace varimesh

@@ -11,15 +11,20 @@
 
 namespace varimesh {
 
-Expected<LayersMade> split_result(Result& result, const LayerOptions& wanted, int threads) {
+Expected<LayersMade> split_result(Result& result, const LayerOptions& wanted, const ThicknessShares& grown,
+                                  int threads) {
   const Stopwatch watch;
   const Team team(threads);
   const auto checked = check_mesh(std::move(result.mesh), CheckFor::Optimising, team);
   if (!checked) return tl::unexpected(checked.error());
+  const auto thickness = thickness_of_cells(*checked, wanted.walls, grown);
+  if (!thickness) return tl::unexpected(thickness.error());
   auto split = split_layers(*checked, wanted, team);
   if (!split) return tl::unexpected(split.error());
   result.mesh = std::move(split->mesh);
-  LayersMade made{split->report, std::exchange(result.after, quality(result.mesh, 0, team))};
+  LayersMade made{split->report,
+                  std::exchange(result.after, quality(result.mesh, std::move(split->certificates), team)),
+                  thickness_of_parts(*thickness, split->parents)};
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
   result.left = what_is_left(result.mesh, uncertified, result.unrepairable, {.movement = true});

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/base/team.h"
 #include "core/layers/split/split_layers.h"
+#include "core/layers/thickness_shares.h"
 #include "core/optimise/result.h"
 
 namespace varimesh {
@@ -13,11 +15,15 @@ namespace varimesh {
 struct LayersMade {
   LayerSplitReport report;
   QualityReport thick;  ///< The quality of the mesh before it was split.
+  /// By cell of the mesh with layers: see thickness_of_cells(). Empty if no row was grown for this run.
+  std::vector<double> thickness;
 };
 
 /// Splits the thick cells of the result into layers. `after`, `left`, `unrepairable` and the sizes become those of the
 /// mesh with layers. Errors: those of split_layers(); the result is then as it was, without its mesh.
-Expected<LayersMade> split_result(Result& result, const LayerOptions& wanted, int threads);
+/// @param grown  how thick the cells are, if they were grown for this run
+Expected<LayersMade> split_result(Result& result, const LayerOptions& wanted, const ThicknessShares& grown,
+                                  int threads);
 
 /// The bytes that layers add at most to what a run has in use, growing thick cells included: an estimate. Errors: those
 /// of check_layers().

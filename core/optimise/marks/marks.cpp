@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -52,8 +53,9 @@ class Marker {
       if (entity.dimension == mesh.dimension) next_entity_ = std::max(next_entity_, entity.tag + 1);
   }
 
-  void mark() {
+  std::vector<std::int32_t> mark() {
     std::vector<ElementBlock> blocks;
+    std::vector<std::int32_t> order;
     std::size_t first = 0;
     for (ElementBlock& block : mesh_.blocks) {
       if (!is_cell(block)) {
@@ -62,6 +64,9 @@ class Marker {
       }
       ElementBlock rest = empty_like(block), marked = empty_like(block);
       for (std::size_t e = 0; e < block.size(); ++e) append(block, e, marked_[first + e] ? marked : rest);
+      for (const bool is_marked : {false, true})
+        for (std::size_t e = first; e < first + block.size(); ++e)
+          if (marked_[e] == is_marked) order.push_back(static_cast<std::int32_t>(e));
       first += block.size();
       if (rest.size() > 0) blocks.push_back(std::move(rest));
       if (marked.size() == 0) continue;
@@ -72,6 +77,7 @@ class Marker {
     }
     mesh_.blocks = std::move(blocks);
     mesh_.physical_groups.push_back({mesh_.dimension, tag_, kName});
+    return order;
   }
 
  private:
@@ -121,8 +127,9 @@ class Marker {
 
 }  // namespace
 
-CellMarks::CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups, int threads)
-    : unrepairable_(mesh.element_count(mesh.dimension), 0.0) {
+CellMarks::CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups, int threads,
+                     std::span<const double> thickness)
+    : unrepairable_(mesh.element_count(mesh.dimension), 0.0), thickness_(thickness) {
   const Team team(threads);
   std::optional<detail::JudgedMesh> judged;
   std::vector<Certificate> certificates;
@@ -150,11 +157,17 @@ std::vector<formats::CellField> CellMarks::fields() const {
                                             {"certified", certified_},
                                             {"unrepairable", unrepairable_}};
   if (!accuracy_loss_.empty()) fields.push_back({"accuracy_loss", accuracy_loss_});
+  if (!thickness_.empty()) fields.push_back(thickness_field(thickness_));
   return fields;
 }
 
-void mark_unrepairable(HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups) {
-  if (!groups.empty()) Marker(mesh, groups).mark();
+formats::CellField thickness_field(std::span<const double> thickness) { return {"layer_thickness_share", thickness}; }
+
+std::vector<std::int32_t> mark_unrepairable(HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups) {
+  if (!groups.empty()) return Marker(mesh, groups).mark();
+  std::vector<std::int32_t> as_they_were(mesh.element_count(mesh.dimension));
+  std::iota(as_they_were.begin(), as_they_were.end(), 0);
+  return as_they_were;
 }
 
 }  // namespace varimesh

@@ -1,6 +1,7 @@
 """varimesh layers: splits a thick layer at a wall; exit statuses, documents and refusals."""
 import json
 import math
+import struct
 import unittest
 
 from programs import CASES, WithFolder, WithServer, run
@@ -150,6 +151,23 @@ class InARun(WithServer):
         done = run("layers", self.mesh, "-o", self.out, "--wall", "wall", "--grow", 0.1, "--layers", 3, "--growth", 2)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertRegex(done.stdout, "(?m)^grown +0.1 thick, 100 % of the walls with all of it$")
+
+    def test_the_files_mark_where_a_layer_that_grew_is_thinner(self):
+        marked = self.folder / "marked.vtu"
+        flags = ("--wall", "all", "--grow", 0.05, "--layers", 4, "--growth", 2)
+        for command in (("optimise",), ("optimise", "--server", self.server.address), ("layers",)):
+            with self.subTest(command=command):
+                done = run(*command, CASES / "aerofoil_p4.msh", "-o", self.out, *flags)
+                self.assertIn(done.returncode, (0, 4), done.stderr)
+                head = b'$ElementData\n1\n"layer_thickness_share"\n1\n0\n3\n0\n1\n%d\n' % (44 * 4)
+                section = self.out.read_bytes().split(head)[1].split(b"\n$EndElementData")[0]
+                values = dict(struct.iter_unpack("<id", section))  # by the number of an element, in binary
+                self.assertEqual(len(values), 44 * 4)
+                self.assertLess(min(values.values()), 0.9)
+                self.assertEqual(max(values.values()), 1)
+                done = run(*command, CASES / "aerofoil_p4.msh", "-o", marked, *flags)
+                self.assertIn(done.returncode, (0, 4), done.stderr)
+                self.assertIn(b'Name="layer_thickness_share"', marked.read_bytes())
 
     def test_what_is_wrong_is_said_before_the_run(self):
         for flags, status, sentence in (

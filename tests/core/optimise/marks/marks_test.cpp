@@ -107,6 +107,18 @@ TEST(MarkUnrepairable, PutsTheGroupsCellsIntoOnePhysicalGroup) {
   EXPECT_EQ(mesh.node_numbers, before.node_numbers);
 }
 
+TEST(MarkUnrepairable, SaysWhichCellEachCellWas) {
+  const HighOrderMesh before = two_blocks();
+  for (const std::vector<UnrepairableGroup>& groups : {std::vector<UnrepairableGroup>{}, {group_of({0, 3})}}) {
+    HighOrderMesh mesh = before;
+    const std::vector<std::int32_t> cells = mark_unrepairable(mesh, groups);
+    const std::vector<std::int64_t> now = numbers_of(mesh), were = numbers_of(before);
+    ASSERT_EQ(cells.size(), now.size());
+    for (std::size_t cell = 0; cell < now.size(); ++cell)
+      EXPECT_EQ(now[cell], were[static_cast<std::size_t>(cells[cell])]) << cell;
+  }
+}
+
 TEST(MarkUnrepairable, KeepsEveryElementWithItsNodes) {
   const HighOrderMesh before = two_blocks();
   HighOrderMesh mesh = before;
