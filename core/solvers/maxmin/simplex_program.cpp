@@ -1,6 +1,7 @@
 #include "core/solvers/maxmin/simplex_program.h"
 
 #include <algorithm>
+#include <vector>
 
 namespace varimesh::detail {
 namespace {
@@ -14,6 +15,13 @@ constexpr double kLeastSlope = 1e-3;
 /// Weights below this are rounding.
 constexpr double kNoWeight = 1e-15;
 
+/// VectorXd::allFinite() and minCoeff() with an index look at one entry after the other; these take several at a time.
+bool is_finite(const Eigen::VectorXd& x) { return (x - x).sum() == 0; }
+
+Eigen::Index first_smallest(const Eigen::VectorXd& x) {
+  return std::find(x.data(), x.data() + x.size(), x.minCoeff()) - x.data();
+}
+
 }  // namespace
 
 Eigen::VectorXd simplex_weights(const Columns& K, double s, const Eigen::VectorXd& c) {
@@ -21,20 +29,21 @@ Eigen::VectorXd simplex_weights(const Columns& K, double s, const Eigen::VectorX
   Eigen::Index first = 0;
   c.minCoeff(&first);
   weights(first) = 1;
+  std::vector<Eigen::Index> with_weight{first};  // ascending; few of the many entries
   Eigen::VectorXd slope = s * K(first) + c;
-  for (int step = 0; step < kMostSteps && slope.allFinite(); ++step) {  // they overflow in huge cells
-    Eigen::Index to = 0, from = -1;
-    slope.minCoeff(&to);
-    for (Eigen::Index i = 0; i < weights.size(); ++i)
-      if (weights(i) > 0 && (from < 0 || slope(i) > slope(from))) from = i;
+  for (int step = 0; step < kMostSteps && is_finite(slope); ++step) {  // they overflow in huge cells
+    const Eigen::Index to = first_smallest(slope);
+    const Eigen::Index from = *std::ranges::max_element(with_weight, {}, [&](Eigen::Index i) { return slope(i); });
     const double gap = slope(from) - slope(to);
     if (gap < kAgree * std::max(kLeastSlope, std::abs(slope(to)))) break;
     const Eigen::VectorXd &gains = K(to), &loses = K(from);
     const double bend = s * (gains(to) + loses(from) - 2 * gains(from));
     const double moved = bend * weights(from) > gap ? gap / bend : weights(from);
+    if (weights(to) == 0) with_weight.insert(std::ranges::lower_bound(with_weight, to), to);
     weights(to) += moved;
     weights(from) -= moved;
     if (weights(from) < kNoWeight) weights(from) = 0;
+    std::erase_if(with_weight, [&](Eigen::Index i) { return !(weights(i) > 0); });
     slope += moved * s * (gains - loses);
   }
   return weights;
