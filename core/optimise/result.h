@@ -17,11 +17,12 @@ namespace varimesh {
 /// Why a run ended.
 enum class StopReason : std::uint8_t {
   Converged,   ///< Every free node is within the tolerance of the optimum; with Method::Sweeps: the residual is at most
-               ///< the tolerance; with Objective::Accuracy: another round would lower the loss by less than 1 %.
+               ///< the tolerance; with Objective::Accuracy: another run would lower the loss by less than 1 %.
   Valid,       ///< Until::Valid: every cell is certified valid.
   Repaired,    ///< Until::Valid: every cell that is not certified valid is unrepairable.
   NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found, or
-               ///< rounding keeps the residual above the tolerance.
+               ///< rounding keeps the residual above the tolerance. Objective::Accuracy: the rounds gained no more, but
+               ///< had not come to rest.
   Quality,     ///< until_js is reached.
   TimeLimit,   ///< time_limit is reached.
   Iterations,  ///< max_iterations is reached.

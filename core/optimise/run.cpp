@@ -285,11 +285,14 @@ bool Run::begin_descent() {
 }
 
 void Run::lower_loss() {
-  bool last = !begin_descent();
-  result_.stop_reason = StopReason::Converged;
+  const bool begins = begin_descent();
+  if (begins || descent_->has_converged()) result_.stop_reason = StopReason::Converged;
+  bool last = !begins;
   do {
     descend(last);
   } while (descends_again(last));
+  if (begins && result_.stop_reason == StopReason::Converged && !descent_->has_converged())
+    result_.stop_reason = StopReason::NoProgress;
   result_.converged = result_.stop_reason == StopReason::Converged;
   note_last_iteration();
 }

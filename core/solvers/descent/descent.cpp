@@ -267,11 +267,11 @@ void Descent::take_back() {
   });
 }
 
-/// Whether the rounds have come to their end. Each is shorter than the one before by about the same factor, so what is
-/// left is the sum of a geometric series.
-bool Descent::has_settled(double move) const {
+/// Each round is shorter than the one before by about the same factor, so what is left is the sum of a geometric
+/// series.
+bool Descent::comes_to_rest(double move) const {
   const double left = move < last_move_ / 2 ? move * move / (last_move_ - move) : move;
-  return left <= kSettled || settling_ >= kMostSettling;
+  return left <= kSettled;
 }
 
 /// Whether this is a mesh that a round has made from the best one with the same factors: nearer to where such rounds
@@ -304,6 +304,8 @@ bool Descent::has_gained() const {
   return best_.merit.uncertified == 0 && best_.merit.loss < threshold::kFalls * start_loss_;
 }
 
+bool Descent::has_converged() const { return is_at_rest_ || (best_.merit.uncertified == 0 && !has_gained()); }
+
 DescentRound Descent::round() {
   DescentRound round;
   team_.run([&] {
@@ -329,7 +331,8 @@ DescentRound Descent::round() {
       asked_.bound, merit.lower_than_it_came ? std::min(threshold::kWanted, context_.least->min_scaled_jacobian) : 0);
   // Where the bound is reached, more weight for low cells waits until the rounds have come to an end with the present
   // weights. It is given once more only if it has raised the minimum.
-  const bool settled = has_settled(round.residual);
+  const bool rests = comes_to_rest(round.residual);
+  const bool settled = rests || settling_ >= kMostSettling;
   const bool wants_more = reaches && settled;
   const std::int64_t low =
       raise_low(wants_more ? std::max(threshold::kWanted, bound) : bound, margin, state.certificates);
@@ -348,7 +351,8 @@ DescentRound Descent::round() {
   const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_);
   settling_ = low == 0 ? settling_ + 1 : 0;
   last_move_ = low == 0 ? round.residual : 0;
-  round.last = (low == 0 && settled) || (reaches && !is_worth_more(merit)) || is_futile || !gains ||
+  is_at_rest_ = (low == 0 && rests) || (reaches && !is_worth_more(merit));
+  round.last = is_at_rest_ || (low == 0 && settled) || is_futile || !gains ||
                raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, merit.loss);
   if (refines(state.merit) || is_better(state.merit, best_.merit, asked_)) {

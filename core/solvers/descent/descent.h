@@ -112,6 +112,11 @@ class Descent {
   /// Whether the best mesh has a lower loss than the mesh at the beginning, by more than next to nothing, and is valid.
   bool has_gained() const;
 
+  /// Whether another descent from the best mesh, with targets from there, would change next to nothing: the last round
+  /// ended because no node would move any more or no loss is worth a move, or no round has found a better mesh than the
+  /// one at the beginning, from which the other descent would repeat this one.
+  bool has_converged() const;
+
   /// By cell: the factor by which ε_e has been raised.
   const std::vector<double>& factors() const { return factors_; }
 
@@ -135,7 +140,8 @@ class Descent {
   bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
   void set_weights();
   void minimise(DescentRound& round);
-  bool has_settled(double move) const;
+  /// Whether the rounds with the present factors move no node any more, if the last one moved one by `move`.
+  bool comes_to_rest(double move) const;
   bool refines(const Merit& merit) const;
   bool comes_to_bound();
   bool is_worth_more(const Merit& merit) const;
@@ -174,6 +180,7 @@ class Descent {
   int raises_ = 0;            ///< Also counts the rounds that were taken back.
   double caution_ = 1;        ///< What all ε_e are raised by.
   bool raises_lost_ = false;  ///< A round raises the cells that lost their certificate before they are put back.
+  bool is_at_rest_ = false;   ///< The last round came to rest with no low cell, or left no loss worth a move.
   int settling_ = 0;          ///< Rounds since one changed a factor.
   /// The minimum of the scaled Jacobian when the rounds last came to an end; −∞ if they have not.
   double settled_js_ = -std::numeric_limits<double>::infinity();
