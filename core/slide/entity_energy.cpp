@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "core/energy/hyperelastic-inl.h"
-#include "core/kernels/dense_product.h"
+#include "core/kernels/dense/dense_product.h"
 #include "core/problem/regular_shape.h"
 
 namespace varimesh::detail {

@@ -50,6 +50,7 @@ PartsTable make_table(Shape shape, int order, reference::NodeSet set, const Stop
   const auto is_straight = [&](int mode) { return degrees[static_cast<std::size_t>(mode)] < 2; };
   modes.erase(modes.begin(), std::ranges::find_if_not(modes, is_straight));
   table.to_modes = coefficients(modes, Eigen::all);
+  table.modes = modes;
   for (int s = 2; s <= order + 1; ++s)
     table.first.push_back(std::ranges::count_if(degrees, [&](int degree) { return degree >= 2 && degree < s; }));
   for (Eigen::MatrixXd& gradient : gradients)

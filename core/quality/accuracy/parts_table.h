@@ -13,6 +13,7 @@ namespace varimesh::detail {
 struct PartsTable {
   Eigen::MatrixXd mean_gradient;  ///< The mean of ∂(shape function n)/∂ξ_r over the reference cell: d × nodes.
   Eigen::MatrixXd to_modes;       ///< Nodal values to coefficients of the modes above degree 1, sorted by their degree.
+  std::vector<int> modes;         ///< By row of to_modes: the number of the mode (core/reference/modal.h).
   std::vector<Eigen::Index> first;  ///< The modes of degree s are first[s − 2] to first[s − 1] − 1.
   /// (1/|Ê|) ∫ (∂_a φ_m ∂_b φ_n + ∂_b φ_m ∂_a φ_n) / 2 for the modes m, n of degree s: [s − 2][pair of a ≤ b], the
   /// pairs in the order 00, 01, 02, 11, 12, 22, without those of a third direction in 2-D.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "core/base/index.h"
 #include "core/kernels/kernels.h"
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/quality_memory.h"
@@ -33,14 +34,14 @@ std::int64_t bytes_of_form(const MeshCounts& counts) {
   return kDouble * counts.dimension * places(counts, counts.order) + (kDouble + kMetric) * counts.cell_count();
 }
 
-/// Values between the spaces of neighbouring orders. The squares are small beside them.
+/// Matrices between the spaces of neighbouring orders, and their transposes. Products over the axes are small beside
+/// them, and so are the squares.
 std::int64_t bytes_of_order_tables(const MeshCounts& counts) {
   std::int64_t numbers = 0;
-  for (std::size_t s = 0; s < kShapes; ++s)
-    for (int order = 1; order < counts.order && counts.cells[s] > 0; ++order)
-      numbers += std::int64_t{reference::node_count(static_cast<Shape>(s), order)} *
-                 reference::node_count(static_cast<Shape>(s), order + 1);
-  return kDouble * numbers;
+  for (const Shape shape : {Shape::Triangle, Shape::Tetrahedron, Shape::Pyramid, Shape::Prism})
+    for (int order = 1; order < counts.order && counts.cells[at(static_cast<int>(shape))] > 0; ++order)
+      numbers += std::int64_t{reference::node_count(shape, order)} * reference::node_count(shape, order + 1);
+  return 2 * kDouble * numbers;
 }
 
 }  // namespace

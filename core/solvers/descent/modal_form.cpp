@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/index.h"
 #include "core/base/io/large_arrays.h"
 #include "core/quality/accuracy/parts_table.h"
 #include "core/solvers/descent/order_tables.h"
-#include "core/solvers/descent/part_products.h"
 
 namespace varimesh {
 namespace {
@@ -34,6 +34,7 @@ ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wav
   resize_large(contributions_, static_cast<std::size_t>(space.place_count) * problem.dimension);
   for (int s = 0; s <= space.order; ++s)
     weights_[static_cast<std::size_t>(s)] = std::pow(wave, 2 * (space.order + 1 - s));
+  for (const CellSet& set : problem.sets) products_.push_back(&detail::part_products(set.shape, set.order));
   take_frames();
 }
 
@@ -84,39 +85,31 @@ std::array<double, 6> ModalForm::factors(std::size_t cell, std::size_t part) con
 
 template <class Value>
 void ModalForm::differentiate(const Value& value) {
-  constexpr std::size_t kLanes = detail::kPartLanes;
-  static_assert(kCellsTogether % kLanes == 0);
-  const std::size_t d = static_cast<std::size_t>(problem_.dimension);
-  for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t begin, std::int32_t together) {
+  constexpr std::size_t kLanes = detail::kCellLanes;
+  static_assert(at(kCellsTogether) == kLanes);
+  const std::size_t d = at(problem_.dimension);
+  for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t first, std::int32_t count) {
     const CellSet& set = problem_.sets[number];
-    const detail::PartProducts& products = detail::part_products(set.shape, set.order);
+    const detail::PartProducts& products = *products_[number];
     const std::size_t nodes = products.nodes;
-    thread_local std::vector<double> x, modes, slopes, weights;
+    thread_local std::vector<double> x, room, slopes, weights;
     weights.clear();
-    for (const int degree : products.degrees) weights.push_back(weights_[static_cast<std::size_t>(degree)]);
+    for (const int degree : products.degrees) weights.push_back(weights_[at(degree)]);
     x.assign(nodes * d * kLanes, 0.0);
     slopes.resize(x.size());
-    modes.resize(2 * products.modes * d * kLanes);
-    for (std::int32_t first = begin; first < begin + together; first += kLanes) {
-      const std::size_t count = std::min<std::size_t>(kLanes, static_cast<std::size_t>(begin + together - first));
-      const std::size_t cell = static_cast<std::size_t>(set.first) + static_cast<std::size_t>(first);
-      const std::size_t place = static_cast<std::size_t>(space_.sets[number].first) + first * nodes;
-      std::array<double, 6 * kLanes> metrics{};
-      std::array<double, kLanes> values;
-      for (std::size_t i = 0; i < count; ++i) {
-        for (std::size_t pair = 0; pair < products.pairs; ++pair) metrics[pair * kLanes + i] = metrics_[cell + i][pair];
-        for (std::size_t n = 0; n < nodes; ++n)
-          for (std::size_t k = 0; k < d; ++k)
-            x[(n * d + k) * kLanes + i] = value(number, (static_cast<std::size_t>(first) + i) * nodes, n, k);
-      }
-      detail::differentiate_parts(products, weights.data(), metrics.data(), x.data(), modes.data(), values.data(),
-                                  slopes.data());
-      for (std::size_t i = 0; i < count; ++i) {
-        values_[cell + i] = values[i];
-        for (std::size_t n = 0; n < nodes; ++n)
-          for (std::size_t k = 0; k < d; ++k)
-            contributions_[(place + i * nodes + n) * d + k] = slopes[(n * d + k) * kLanes + i] / problem_.cells;
-      }
+    const std::size_t cell = at(set.first) + at(first), place = at(space_.sets[number].first) + at(first) * nodes;
+    std::array<double, 6 * kLanes> metrics{};
+    std::array<double, kLanes> values;
+    for (std::size_t i = 0; i < at(count); ++i) {
+      for (std::size_t pair = 0; pair < products.pairs; ++pair) metrics[pair * kLanes + i] = metrics_[cell + i][pair];
+      for (std::size_t n = 0; n < nodes; ++n)
+        for (std::size_t k = 0; k < d; ++k) x[(n * d + k) * kLanes + i] = value(number, (at(first) + i) * nodes, n, k);
+    }
+    detail::differentiate_parts(products, weights.data(), metrics.data(), x.data(), room, values.data(), slopes.data());
+    for (std::size_t i = 0; i < at(count); ++i) {
+      values_[cell + i] = values[i];
+      for (std::size_t n = 0; n < nodes * d; ++n)
+        contributions_[(place + i * nodes) * d + n] = slopes[n * kLanes + i] / problem_.cells;
     }
   });
 }

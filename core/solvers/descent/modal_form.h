@@ -11,6 +11,7 @@
 #include "core/base/team.h"
 #include "core/problem/problem.h"
 #include "core/solvers/descent/order_space.h"
+#include "core/solvers/descent/part_products.h"
 
 namespace varimesh {
 
@@ -63,7 +64,8 @@ class ModalForm {
   const OrderSpace& space_;
   const Team& team_;
   Reduction reduction_;
-  std::vector<double> weights_;                 ///< By degree s ≤ P: κ^(2(P+1−s)).
+  std::vector<const detail::PartProducts*> products_;  ///< By Problem::sets.
+  std::vector<double> weights_;                        ///< By degree s ≤ P: κ^(2(P+1−s)).
   std::vector<std::array<double, 6>> metrics_;  ///< J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.
   std::vector<double> values_;                  ///< By cell.
   UntouchedVector<double> contributions_;       ///< d per place.

@@ -1,5 +1,6 @@
 #include "core/solvers/descent/order_levels.h"
 
+#include "core/base/index.h"
 #include "core/solvers/descent/order_tables.h"
 
 namespace varimesh {
@@ -18,6 +19,7 @@ OrderLevels::OrderLevels(const Problem& problem, const OrderSpace& own, const Te
     solutions_.emplace_back(residuals_.back().size());
   }
   spaces_.push_back(&own);
+  for (const CellSet& set : problem.sets) tables_.push_back(&detail::order_tables(set.shape, set.order));
 }
 
 void OrderLevels::take_diagonals(ModalForm& form, std::span<const double> stiffness) {
@@ -51,41 +53,48 @@ double OrderLevels::apply(std::span<const double> r, std::span<double> z) {
 
 void OrderLevels::restrict_to(std::size_t level, std::span<const double> above) {
   const OrderSpace &low = *spaces_[level], &high = *spaces_[level + 1];
-  const int d = problem_.dimension;
+  const std::size_t d = at(problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t set, std::int32_t first, std::int32_t count) {
-    thread_local Eigen::MatrixXd values, restricted;
-    gather(high.sets[set].owned, high.sets[set].nodes_per_cell, first, count, d, above, values);
-    const CellSet& cells = problem_.sets[set];
-    restricted.noalias() = detail::order_tables(cells.shape, cells.order).raise[level].transpose() * values;
-    const int nodes = low.sets[set].nodes_per_cell;
-    const std::size_t at = static_cast<std::size_t>(low.sets[set].first) + static_cast<std::size_t>(first) * nodes;
-    for (std::int32_t i = 0; i < count; ++i)
-      for (int n = 0; n < nodes; ++n)
-        for (int k = 0; k < d; ++k)
-          contributions_[(at + static_cast<std::size_t>(i) * nodes + n) * d + k] =
-              restricted(n, static_cast<Eigen::Index>(i) * d + k);
+    const OrderSpace::Set &to = low.sets[set], &from = high.sets[set];
+    const double* products = multiply(tables_[set]->raise[level].back, from.owned, first, count, above);
+    const std::size_t nodes = at(to.nodes_per_cell), place = at(to.first) + at(first) * nodes;
+    for (std::size_t lane = 0; lane < at(count); ++lane)
+      for (std::size_t i = 0; i < nodes * d; ++i)
+        contributions_[(place + lane * nodes) * d + i] = products[i * detail::kCellLanes + lane];
   });
-  add_up(problem_, low, d, contributions_, residuals_[level], team_);
+  add_up(problem_, low, problem_.dimension, contributions_, residuals_[level], team_);
 }
 
 /// Sets the values of the space above. All cells of a node give it the same value; the first one writes it.
 void OrderLevels::raise_from(std::size_t level, std::span<double> above) {
   const OrderSpace &low = *spaces_[level], &high = *spaces_[level + 1];
-  const int d = problem_.dimension;
+  const std::size_t d = at(problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t set, std::int32_t first, std::int32_t count) {
-    thread_local Eigen::MatrixXd values, raised;
-    gather(low.sets[set].numbers, low.sets[set].nodes_per_cell, first, count, d, solutions_[level], values);
-    const CellSet& cells = problem_.sets[set];
-    raised.noalias() = detail::order_tables(cells.shape, cells.order).raise[level] * values;
-    const int nodes = high.sets[set].nodes_per_cell;
-    const std::int32_t* owned = high.sets[set].owned.data() + static_cast<std::size_t>(first) * nodes;
-    for (std::int32_t i = 0; i < count; ++i)
-      for (int n = 0; n < nodes; ++n) {
-        const std::int32_t number = owned[static_cast<std::size_t>(i) * nodes + n];
-        for (int k = 0; number >= 0 && k < d; ++k)
-          above[static_cast<std::size_t>(number) * d + k] = raised(n, static_cast<Eigen::Index>(i) * d + k);
+    const OrderSpace::Set &to = high.sets[set], &from = low.sets[set];
+    const double* products = multiply(tables_[set]->raise[level].there, from.numbers, first, count, solutions_[level]);
+    const std::size_t nodes = at(to.nodes_per_cell);
+    for (std::size_t lane = 0; lane < at(count); ++lane)
+      for (std::size_t n = 0; n < nodes; ++n) {
+        const std::int32_t number = to.owned[(at(first) + lane) * nodes + n];
+        for (std::size_t k = 0; number >= 0 && k < d; ++k)
+          above[at(number) * d + k] = products[(n * d + k) * detail::kCellLanes + lane];
       }
   });
+}
+
+static_assert(at(kCellsTogether) == detail::kCellLanes);
+
+/// A matrix times the values of a vector in cells `first` … `first` + `count` − 1 of a set: [row][direction][lane].
+/// `numbers` is that of gather(). The thread's next call overwrites the result.
+const double* OrderLevels::multiply(const detail::LaneMatrix& matrix, const std::vector<std::int32_t>& numbers,
+                                    std::int32_t first, std::int32_t count, std::span<const double> vector) const {
+  thread_local std::vector<double> values, products, room;
+  const std::size_t d = at(problem_.dimension);
+  values.resize(matrix.columns * d * detail::kCellLanes);
+  products.resize(matrix.rows * d * detail::kCellLanes);
+  gather(numbers, static_cast<int>(matrix.columns), first, count, problem_.dimension, vector, values);
+  detail::multiply_lanes(matrix, d, values.data(), products.data(), room);
+  return products.data();
 }
 
 }  // namespace varimesh

@@ -9,6 +9,7 @@
 #include "core/base/team.h"
 #include "core/solvers/descent/modal_form.h"
 #include "core/solvers/descent/order_space.h"
+#include "core/solvers/descent/order_tables.h"
 
 namespace varimesh {
 
@@ -32,12 +33,15 @@ class OrderLevels {
  private:
   void restrict_to(std::size_t level, std::span<const double> above);
   void raise_from(std::size_t level, std::span<double> above);
+  const double* multiply(const detail::LaneMatrix& matrix, const std::vector<std::int32_t>& numbers, std::int32_t first,
+                         std::int32_t count, std::span<const double> vector) const;
 
   const Problem& problem_;
   const Team& team_;
   Reduction reduction_;
-  std::vector<OrderSpace> lower_;          ///< [q − 1], q < P.
-  std::vector<const OrderSpace*> spaces_;  ///< [q − 1], q ≤ P.
+  std::vector<OrderSpace> lower_;                   ///< [q − 1], q < P.
+  std::vector<const OrderSpace*> spaces_;           ///< [q − 1], q ≤ P.
+  std::vector<const detail::OrderTables*> tables_;  ///< By Problem::sets.
   std::vector<std::vector<double>> inverse_diagonals_;
   std::vector<UntouchedVector<double>> residuals_, solutions_;  ///< Of lower_.
   std::span<double> contributions_;  ///< By place, of the space that is worked on; the form's room.

@@ -161,14 +161,12 @@ OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
 }
 
 void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::int32_t first, std::int32_t count, int d,
-            std::span<const double> vector, Eigen::MatrixXd& out) {
-  out.resize(nodes_per_cell, static_cast<Eigen::Index>(count) * d);
-  for (std::int32_t cell = 0; cell < count; ++cell) {
-    const std::int32_t* of_cell = numbers.data() + static_cast<std::size_t>(first + cell) * nodes_per_cell;
-    for (int i = 0; i < nodes_per_cell; ++i)
-      for (int k = 0; k < d; ++k)
-        out(i, static_cast<Eigen::Index>(cell) * d + k) =
-            of_cell[i] < 0 ? 0.0 : vector[static_cast<std::size_t>(of_cell[i]) * d + k];
+            std::span<const double> vector, std::span<double> out) {
+  for (std::size_t lane = 0; lane < at(count); ++lane) {
+    const std::int32_t* of_cell = numbers.data() + (at(first) + lane) * at(nodes_per_cell);
+    for (std::size_t i = 0; i < at(nodes_per_cell); ++i)
+      for (std::size_t k = 0; k < at(d); ++k)
+        out[(i * at(d) + k) * at(kCellsTogether) + lane] = of_cell[i] < 0 ? 0.0 : vector[at(of_cell[i]) * at(d) + k];
   }
 }
 

@@ -1,7 +1,6 @@
 // The maps of lower order on the cells of a mesh: their free nodes, and sums over the cells of each.
 #pragma once
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
 #include <span>
@@ -38,13 +37,15 @@ OrderSpace own_space(const Problem& problem, const Team& team);
 /// The space of a lower order. It does not depend on the number of threads. Call it inside team.run().
 OrderSpace lower_space(const Problem& problem, int order, const Team& team);
 
-/// Cells that matrices are applied to at the same time. The sums do not depend on it.
-inline constexpr std::int32_t kCellsTogether = 16;
+/// Cells that matrices are applied to at the same time: the lanes of core/kernels/dense/lane_matrix.h. The sums do not depend
+/// on it.
+inline constexpr std::int32_t kCellsTogether = 8;
 
-/// The values of a vector of the space at the nodes of cells `first` … `first` + `count` − 1 of a set: nodes_per_cell ×
-/// (count · d), 0 at fixed nodes. `numbers` is OrderSpace::Set::numbers or owned.
+/// The values of a vector of the space at the nodes of cells `first` … `first` + `count` − 1 of a set, 0 at fixed
+/// nodes: [node][direction][lane] with kCellsTogether lanes. Lanes beyond the cells keep what they have. `numbers` is
+/// OrderSpace::Set::numbers or owned.
 void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::int32_t first, std::int32_t count, int d,
-            std::span<const double> vector, Eigen::MatrixXd& out);
+            std::span<const double> vector, std::span<double> out);
 
 /// out of a node = Σ contributions at its places, in their order. `contributions` has d numbers per place.
 void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<const double> contributions,

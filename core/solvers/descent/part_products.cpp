@@ -13,59 +13,25 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/solvers/descent/part_products.cpp"
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
-#include <hwy/highway.h>
+
+#include "core/kernels/dense/lane_matrix-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh::detail::parts::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-using Tag = hn::CappedTag<double, kPartLanes>;
-using V = hn::Vec<Tag>;
+using lanes::HWY_NAMESPACE::MultiplyVector;
+using lanes::HWY_NAMESPACE::Tag;
+using lanes::HWY_NAMESPACE::V;
 
-/// Rows of a matrix that are multiplied at the same time.
-constexpr std::size_t kRows = 4;
-
-/// out = matrix · in for kRows rows (or fewer, `rows`) and one vector of lanes. in, out: [row][direction][lane].
-template <std::size_t D>
-HWY_INLINE void MultiplyRows(const double* HWY_RESTRICT matrix, std::size_t rows, std::size_t depth,
-                             const double* HWY_RESTRICT in, double* HWY_RESTRICT out) {
-  const Tag tag;
-  const double* row[kRows];
-  for (std::size_t r = 0; r < kRows; ++r) row[r] = matrix + std::min(r, rows - 1) * depth;
-  V a[D], b[D], c[D], e[D];
-  for (std::size_t k = 0; k < D; ++k) a[k] = b[k] = c[k] = e[k] = hn::Zero(tag);
-  for (std::size_t n = 0; n < depth; ++n, in += D * kPartLanes) {
-    const V p = hn::Set(tag, row[0][n]), q = hn::Set(tag, row[1][n]), r = hn::Set(tag, row[2][n]),
-            s = hn::Set(tag, row[3][n]);
-    for (std::size_t k = 0; k < D; ++k) {
-      const V x = hn::LoadU(tag, in + k * kPartLanes);
-      a[k] = hn::MulAdd(p, x, a[k]);
-      b[k] = hn::MulAdd(q, x, b[k]);
-      c[k] = hn::MulAdd(r, x, c[k]);
-      e[k] = hn::MulAdd(s, x, e[k]);
-    }
-  }
-  const V* const sums[kRows] = {a, b, c, e};
-  for (std::size_t r = 0; r < rows; ++r)
-    for (std::size_t k = 0; k < D; ++k) hn::StoreU(sums[r][k], tag, out + (r * D + k) * kPartLanes);
-}
-
-template <std::size_t D>
-HWY_INLINE void Multiply(const std::vector<double>& matrix, std::size_t rows, std::size_t depth,
-                         const double* HWY_RESTRICT in, double* HWY_RESTRICT out) {
-  for (std::size_t first = 0; first < rows; first += kRows)
-    MultiplyRows<D>(matrix.data() + first * depth, std::min(kRows, rows - first), depth, in,
-                    out + first * D * kPartLanes);
-}
-
-/// The slopes of q by modes, halved; returns q.
+/// The slopes of q by modes; returns q.
 template <std::size_t D>
 HWY_INLINE V Slopes(const PartProducts& of, const double* HWY_RESTRICT weights, const double* HWY_RESTRICT metrics,
                     const double* HWY_RESTRICT modes, double* HWY_RESTRICT slopes) {
   const Tag tag;
   constexpr std::size_t kPairs = D * (D + 1) / 2;
   V metric[kPairs];
-  for (std::size_t pair = 0; pair < kPairs; ++pair) metric[pair] = hn::LoadU(tag, metrics + pair * kPartLanes);
+  for (std::size_t pair = 0; pair < kPairs; ++pair) metric[pair] = hn::LoadU(tag, metrics + pair * kCellLanes);
   V value = hn::Zero(tag);
   for (std::size_t m = 0; m < of.modes; ++m) {
     V sum[D];
@@ -75,14 +41,14 @@ HWY_INLINE V Slopes(const PartProducts& of, const double* HWY_RESTRICT weights, 
       V weight = hn::Mul(hn::Set(tag, entry[0]), metric[0]);
       for (std::size_t pair = 1; pair < kPairs; ++pair)
         weight = hn::MulAdd(hn::Set(tag, entry[pair]), metric[pair], weight);
-      const double* HWY_RESTRICT mode = modes + of.columns[i] * D * kPartLanes;
-      for (std::size_t k = 0; k < D; ++k) sum[k] = hn::MulAdd(weight, hn::LoadU(tag, mode + k * kPartLanes), sum[k]);
+      const double* HWY_RESTRICT mode = modes + of.columns[i] * D * kCellLanes;
+      for (std::size_t k = 0; k < D; ++k) sum[k] = hn::MulAdd(weight, hn::LoadU(tag, mode + k * kCellLanes), sum[k]);
     }
     const V of_degree = hn::Set(tag, weights[m]);
     for (std::size_t k = 0; k < D; ++k) {
       sum[k] = hn::Mul(of_degree, sum[k]);
-      value = hn::MulAdd(sum[k], hn::LoadU(tag, modes + (m * D + k) * kPartLanes), value);
-      hn::StoreU(sum[k], tag, slopes + (m * D + k) * kPartLanes);
+      value = hn::MulAdd(sum[k], hn::LoadU(tag, modes + (m * D + k) * kCellLanes), value);
+      hn::StoreU(hn::Add(sum[k], sum[k]), tag, slopes + (m * D + k) * kCellLanes);
     }
   }
   return value;
@@ -90,22 +56,23 @@ HWY_INLINE V Slopes(const PartProducts& of, const double* HWY_RESTRICT weights, 
 
 template <std::size_t D>
 void DifferentiateIn(const PartProducts& of, const double* weights, const double* metrics, const double* x,
-                     double* modes, double* values, double* slopes) {
+                     double* room, double* values, double* slopes) {
   const Tag tag;
-  double* const of_modes = modes + of.modes * D * kPartLanes;
-  for (std::size_t lane = 0; lane < kPartLanes; lane += hn::Lanes(tag)) {
-    Multiply<D>(of.to_modes, of.modes, of.nodes, x + lane, modes + lane);
+  double* const modes = room + of.to_modes.there.room(D);
+  double* const of_modes = modes + of.modes * D * kCellLanes;
+  for (std::size_t lane = 0; lane < kCellLanes; lane += hn::Lanes(tag)) {
+    MultiplyVector<D>(of.to_modes.there, x + lane, modes + lane, room + lane);
     hn::StoreU(Slopes<D>(of, weights, metrics + lane, modes + lane, of_modes + lane), tag, values + lane);
-    Multiply<D>(of.from_slopes, of.nodes, of.modes, of_modes + lane, slopes + lane);
+    MultiplyVector<D>(of.to_modes.back, of_modes + lane, slopes + lane, room + lane);
   }
 }
 
-void Differentiate(const PartProducts& of, const double* weights, const double* metrics, const double* x, double* modes,
+void Differentiate(const PartProducts& of, const double* weights, const double* metrics, const double* x, double* room,
                    double* values, double* slopes) {
   if (of.d == 2)
-    DifferentiateIn<2>(of, weights, metrics, x, modes, values, slopes);
+    DifferentiateIn<2>(of, weights, metrics, x, room, values, slopes);
   else
-    DifferentiateIn<3>(of, weights, metrics, x, modes, values, slopes);
+    DifferentiateIn<3>(of, weights, metrics, x, room, values, slopes);
 }
 
 }  // namespace varimesh::detail::parts::HWY_NAMESPACE
@@ -126,10 +93,7 @@ PartProducts make_products(Shape shape, int order) {
   made.pairs = made.d * (made.d + 1) / 2;
   made.nodes = at(table.to_modes.cols());
   made.modes = at(table.to_modes.rows());
-  for (Eigen::Index m = 0; m < table.to_modes.rows(); ++m)
-    for (Eigen::Index n = 0; n < table.to_modes.cols(); ++n) made.to_modes.push_back(table.to_modes(m, n));
-  for (Eigen::Index n = 0; n < table.to_modes.cols(); ++n)
-    for (Eigen::Index m = 0; m < table.to_modes.rows(); ++m) made.from_slopes.push_back(2 * table.to_modes(m, n));
+  made.to_modes = to_modes(shape, order);
   made.first.push_back(0);
   for (std::size_t part = 0; part < table.products.size(); ++part) {
     const std::vector<Eigen::MatrixXd>& products = table.products[part];
@@ -162,8 +126,10 @@ const PartProducts& part_products(Shape shape, int order) {
 }
 
 void differentiate_parts(const PartProducts& products, const double* weights, const double* metrics, const double* x,
-                         double* modes, double* values, double* slopes) {
-  HWY_DYNAMIC_DISPATCH(parts::Differentiate)(products, weights, metrics, x, modes, values, slopes);
+                         std::vector<double>& room, double* values, double* slopes) {
+  const std::size_t needed = products.to_modes.there.room(products.d) + 2 * products.modes * products.d * kCellLanes;
+  if (room.size() < needed) room.resize(needed);
+  HWY_DYNAMIC_DISPATCH(parts::Differentiate)(products, weights, metrics, x, room.data(), values, slopes);
 }
 
 }  // namespace varimesh::detail

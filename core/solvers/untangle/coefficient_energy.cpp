@@ -7,7 +7,7 @@
 #include <limits>
 #include <type_traits>
 
-#include "core/kernels/dense_product.h"
+#include "core/kernels/dense/dense_product.h"
 #include "core/kernels/p_norm.h"
 
 namespace varimesh {

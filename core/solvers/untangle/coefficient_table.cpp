@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "core/base/index.h"
-#include "core/kernels/dense_product.h"
+#include "core/kernels/dense/dense_product.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 #include "core/validity/bernstein.h"

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <random>
 
-#include "core/kernels/dense_product.h"
+#include "core/kernels/dense/dense_product.h"
 #include "core/reference/basis.h"
 #include "tests/core/support/bernstein_cells.h"
 

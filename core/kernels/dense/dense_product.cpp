@@ -1,6 +1,6 @@
 // C is computed in tiles that stay in registers: three vectors of rows by four columns. A and B are copied first, so
 // that a tile reads both of them in order.
-#include "core/kernels/dense_product.h"
+#include "core/kernels/dense/dense_product.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -9,7 +9,7 @@
 #include "core/base/index.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/kernels/dense_product.cpp"
+#define HWY_TARGET_INCLUDE "core/kernels/dense/dense_product.cpp"
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 

@@ -1,5 +1,5 @@
 // Products of dense matrices are those of Eigen, for sizes around those of tiles and of parts of a sum.
-#include "core/kernels/dense_product.h"
+#include "core/kernels/dense/dense_product.h"
 
 #include <gtest/gtest.h>
 
