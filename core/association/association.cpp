@@ -9,6 +9,7 @@
 
 #include "core/association/file_parameters.h"
 #include "core/association/match.h"
+#include "core/association/repeated.h"
 #include "core/association/units.h"
 #include "core/geometry/closest_point.h"
 #include "core/mesh/bounding_box.h"
@@ -285,6 +286,25 @@ std::vector<int> place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags
   return {astray.begin(), astray.end()};
 }
 
+/// Places the nodes again if faces of touching bodies overlap at nodes that belong to no curve and no vertex.
+void place_between_overlaps(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team& team, Association& result,
+                            std::vector<int>& astray) {
+  if (result.held.empty()) return;
+  const auto surfaces = surfaces_by_node(mesh, result);
+  std::vector<detail::CommonPoint> points;
+  for (const std::int32_t node : result.held) {
+    const std::vector<int>& on = surfaces[static_cast<std::size_t>(node)];
+    if (on.size() < 2 || on.front() < 0) continue;
+    detail::CommonPoint& point = points.emplace_back();
+    point.x = Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(node)]);
+    point.surfaces = on;
+    for (const int s : on) point.feet.push_back(result.surfaces[static_cast<std::size_t>(s)].of(node));
+  }
+  if (points.empty()) return;
+  if (detail::complete_at(result.geometry, points, kVertexTolerance * result.size) > 0)
+    astray = place_nodes(mesh, tags, team, result);
+}
+
 /// Matches the mesh with the geometry in another unit of length.
 /// @param geometry  without what bodies repeat
 /// @param part_of   Repeated::part_of
@@ -348,7 +368,8 @@ Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geome
   result.geometry = *best.geometry;
   result.matches = std::move(best.matching.matches);
   result.surface_of_element = std::move(best.matching.surface_of_element);
-  const std::vector<int> astray = place_nodes(mesh, tags, team, result);
+  std::vector<int> astray = place_nodes(mesh, tags, team, result);
+  place_between_overlaps(mesh, tags, team, result, astray);
   if (astray.empty()) return result;
   const auto before = result.surface_of_element;
   detail::match_elements(mesh, astray, *best.candidates, tolerance, team, result.surface_of_element);

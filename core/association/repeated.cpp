@@ -21,6 +21,8 @@ constexpr int kOnSurface = 5, kMostOnSurface = 50;  ///< Samples of a surface in
 constexpr double kMissed = 0.1;
 /// A curve that is shorter than this, over the tolerance, lies on every curve nearby.
 constexpr double kShort = 10;
+/// Curves with a larger sine of the angle between them cross.
+constexpr double kCrossing = 1e-3;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
@@ -243,7 +245,60 @@ class Merging {
   On curves_on_, surfaces_on_;
 };
 
+/// Whether the curve lies in the surface and within its boundary on one side of the parameter t at least.
+/// @param foot  parameters of the point at t on the surface
+bool lies_in(const geometry::CurveShape& curve, double t, const geometry::SurfaceShape& surface,
+             const std::array<double, 2>& foot, double tolerance) {
+  constexpr std::array<double, 3> kSteps{0.005, 0.01, 0.02};  // of the curve's range
+  const geometry::Range range = curve.range();
+  return std::ranges::any_of(std::array{1.0, -1.0}, [&](double side) {
+    double u = foot[0], v = foot[1];
+    return std::ranges::all_of(kSteps, [&](double step) {
+      const double at = t + side * step * range.length();
+      if (range.period <= 0 && (at < range.first || at > range.last)) return false;
+      const geometry::SurfaceFoot next = geometry::closest_from(surface, curve.at(at).x, u, v);
+      u = next.u;
+      v = next.v;
+      return next.distance <= tolerance && surface.contains(u, v);
+    });
+  });
+}
+
 }  // namespace
+
+int complete_at(Geometry& geometry, const std::vector<CommonPoint>& points, double tolerance) {
+  std::vector<geometry::CurveSearch> searches;
+  for (const Curve& curve : geometry.curves) searches.emplace_back(*curve.shape);
+  int added = 0;
+  for (const CommonPoint& point : points) {
+    std::vector<int> curves;
+    for (const int s : point.surfaces) add_new(curves, geometry.surfaces[index(s)].curves);
+    Points directions;  // of the curves through the point
+    for (const int c : curves) {
+      Curve& curve = geometry.curves[index(c)];
+      if (is_seam(curve)) continue;
+      const geometry::CurveFoot foot = searches[index(c)].closest(point.x);
+      if (!(foot.distance <= tolerance)) continue;
+      directions.push_back(curve.shape->at(foot.t).dt.normalized());
+      for (std::size_t k = 0; k < point.surfaces.size(); ++k) {
+        const int s = point.surfaces[k];
+        if (std::ranges::find(curve.surfaces, s) != curve.surfaces.end() ||
+            !lies_in(*curve.shape, foot.t, *geometry.surfaces[index(s)].shape, point.feet[k], tolerance))
+          continue;
+        curve.surfaces.push_back(s);
+        add_new(geometry.surfaces[index(s)].curves, {c});
+        ++added;
+      }
+    }
+    const bool is_corner = std::ranges::any_of(
+        directions, [&](const Eigen::Vector3d& d) { return d.cross(directions.front()).norm() > kCrossing; });
+    const auto is_there = [&](const geometry::Vertex& vertex) { return (vertex.x - point.x).norm() <= tolerance; };
+    if (!is_corner || std::ranges::any_of(geometry.vertices, is_there)) continue;
+    geometry.vertices.push_back({0, point.x});
+    ++added;
+  }
+  return added;
+}
 
 Repeated merge_repeated(Geometry& geometry, double tolerance, const Team& team) {
   return Merging(geometry, tolerance, team).run();

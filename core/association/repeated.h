@@ -1,6 +1,7 @@
 // Faces and edges that touching bodies repeat. Internal to core/association.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "core/base/team.h"
@@ -22,5 +23,19 @@ struct Repeated {
 /// @param tolerance  how far apart points of the same surface may be, in the geometry's unit of length
 /// The result does not depend on the number of threads. Call it inside team.run().
 Repeated merge_repeated(geometry::Geometry& geometry, double tolerance, const Team& team);
+
+/// A point on several surfaces. No curve bounds all of them, and no vertex lies there.
+struct CommonPoint {
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  std::vector<int> surfaces;                ///< Indices.
+  std::vector<std::array<double, 2>> feet;  ///< Parameters of the point on each of them.
+};
+
+/// Faces of touching bodies may overlap, and neither is a part of the other. Then a curve around one face runs through
+/// the other, and curves of two bodies cross where neither has a vertex. Lets each curve that passes one of the points
+/// bound those of the point's surfaces in which it lies there, on one side of the point at least, and adds a vertex
+/// where curves cross. Returns how much was added.
+/// @param tolerance  as for merge_repeated()
+int complete_at(geometry::Geometry& geometry, const std::vector<CommonPoint>& points, double tolerance);
 
 }  // namespace varimesh::detail

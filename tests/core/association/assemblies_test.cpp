@@ -222,6 +222,78 @@ TEST(Assemblies, HaveAVertexWhereBodiesTouchInACorner) {
   EXPECT_TRUE(association.held.empty());
 }
 
+/// Two squares of width 4 at z = 0, the faces of two bodies. Neither is a part of the other. A wall stands on the left
+/// side of the second one, and a wall hangs from the far side of the first one. These sides are the model's curves.
+geometry::Geometry overlapping() {
+  const auto frame = [](const Eigen::Vector3d& origin, const Eigen::Vector3d& x, const Eigen::Vector3d& y) {
+    geometry::Frame result;
+    result.origin = origin;
+    result.axes << x, y, x.cross(y);
+    return result;
+  };
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY(), z = Eigen::Vector3d::UnitZ();
+  geometry::Geometry model;
+  model.curves.push_back({1, geometry::line({-1, -1, 0}, {-1, 3, 0}), {}, {1, 2}});
+  model.curves.push_back({2, geometry::line({-2, 2, 0}, {2, 2, 0}), {}, {0, 3}});
+  model.surfaces.push_back({1, geometry::plane(frame({-2, -2, 0}, x, y), 4, 4), {1}});
+  model.surfaces.push_back({2, geometry::plane(frame({-1, -1, 0}, x, y), 4, 4), {0}});
+  model.surfaces.push_back({3, geometry::plane(frame({-1, -1, 0}, y, z), 4, 1), {0}});
+  model.surfaces.push_back({4, geometry::plane(frame({-2, 2, -1}, x, z), 4, 1), {1}});
+  return model;
+}
+
+TEST(Assemblies, HaveCurvesAndVerticesWhereFacesOverlap) {
+  HighOrderMesh mesh;
+  mesh.dimension = 2;
+  mesh.order = 1;
+  std::map<std::array<double, 3>, std::int32_t> node_at;
+  const auto node = [&](double x, double y, double z) {
+    const auto [found, is_new] = node_at.try_emplace({x, y, z}, static_cast<std::int32_t>(mesh.node_count()));
+    if (is_new) {
+      mesh.coordinates.insert(mesh.coordinates.end(), {x, y, z});
+      mesh.node_numbers.push_back(found->second + 1);
+    }
+    return found->second;
+  };
+  std::array<ElementBlock, 5> blocks;  // the first square alone, both, the second alone, and the walls
+  const auto add = [&](std::size_t tag, const std::array<std::int32_t, 4>& nodes) {
+    blocks[tag].numbers.push_back(static_cast<std::int64_t>(100 * tag + blocks[tag].size()) + 1);
+    blocks[tag].nodes.insert(blocks[tag].nodes.end(), nodes.begin(), nodes.end());
+  };
+  const std::array<double, 5> at{-2, -1, 0.5, 2, 3};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double a = at[i], b = at[i + 1];
+    for (std::size_t j = 0; j < 4; ++j) {
+      const bool in_first = i < 3 && j<3, in_second = i> 0 && j > 0;
+      if (!in_first && !in_second) continue;
+      add(in_first && in_second ? 1
+          : in_first            ? 0
+                                : 2,
+          {node(a, at[j], 0), node(b, at[j], 0), node(b, at[j + 1], 0), node(a, at[j + 1], 0)});
+    }
+    if (i > 0) add(3, {node(-1, a, 0), node(-1, b, 0), node(-1, b, 1), node(-1, a, 1)});
+    if (i < 3) add(4, {node(a, 2, -1), node(b, 2, -1), node(b, 2, 0), node(a, 2, 0)});
+  }
+  for (std::size_t tag = 0; tag < blocks.size(); ++tag) {
+    blocks[tag].shape = Shape::Quadrilateral;
+    blocks[tag].entity = static_cast<int>(tag) + 11;
+    mesh.blocks.push_back(blocks[tag]);
+  }
+  mesh.node_blocks = {{-1, 0, 0, static_cast<std::int32_t>(mesh.node_count())}};
+  const Association association = associated(mesh, overlapping());
+  const auto entity = [&](double x, double y) { return association.nodes[std::size_t(node(x, y, 0))]; };
+  for (const double y : {0.5, 3.0}) {
+    EXPECT_EQ(entity(-1, y).dimension, 1) << y;
+    EXPECT_EQ(entity(-1, y).entity, 0) << y;
+  }
+  for (const double x : {-2.0, 0.5, 2.0}) {
+    EXPECT_EQ(entity(x, 2).dimension, 1) << x;
+    EXPECT_EQ(entity(x, 2).entity, 1) << x;
+  }
+  EXPECT_EQ(entity(-1, 2).dimension, 0);  // where the sides cross
+  EXPECT_EQ(entity(0.5, 0.5).dimension, 2);
+}
+
 TEST(Assemblies, KeepTheUnitIfAFarFieldIsTenTimesTheBody) {
   geometry::Geometry body;
   body.curves = {};
