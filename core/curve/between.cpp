@@ -11,6 +11,9 @@ constexpr int kMostSweeps = 50;
 /// Points that move by less than this, relative to the distance of the ends, are placed.
 constexpr double kPlaced = 1e-5;
 
+/// The cosine between normals a third of a turn apart.
+constexpr double kThirdOfATurn = -0.5;
+
 /// A foot is stationary if the vector to it has a smaller part along the surface than this, relative to the limit.
 constexpr double kStationary = 1e-6;
 
@@ -74,22 +77,12 @@ std::optional<PlacedPoint> foot_within(const geometry::SurfaceShape& surface, co
   return PlacedPoint{{foot.u, foot.v}, foot.x};
 }
 
-std::optional<std::vector<PlacedPoint>> points_between(const geometry::SurfaceShape& surface,
-                                                       const geometry::SurfaceSearch& search, const PlacedPoint& a,
-                                                       const PlacedPoint& b, int count) {
-  const double chord = (b.x - a.x).norm();
-  std::vector<PlacedPoint> points(static_cast<std::size_t>(count) + 2);
-  points.front() = a;
-  points.back() = b;
-  // From both ends to the middle, so that a guess is never farther than a chord away.
-  for (std::size_t low = 1, high = points.size() - 2; low <= high; ++low, --high)
-    for (const std::size_t i : {low, high}) {
-      const double part = static_cast<double>(i) / static_cast<double>(count + 1);
-      const PlacedPoint& neighbour = i == low ? points[i - 1] : points[i + 1];
-      const auto foot = foot_within(surface, search, a.x + part * (b.x - a.x), neighbour.at, 0.5 * chord);
-      if (!foot) return std::nullopt;
-      points[i] = *foot;
-    }
+namespace {
+
+/// Moves each point but the first and the last to the foot of the middle of its neighbours, until they hardly move.
+void relax(const geometry::SurfaceShape& surface, const geometry::SurfaceSearch& search,
+           std::vector<PlacedPoint>& points) {
+  const double chord = (points.back().x - points.front().x).norm();
   for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
     double moved = 0;
     for (std::size_t i = 1; i + 1 < points.size(); ++i) {
@@ -101,6 +94,60 @@ std::optional<std::vector<PlacedPoint>> points_between(const geometry::SurfaceSh
     }
     if (moved <= kPlaced * chord) break;
   }
+}
+
+/// Puts the points between the first and the last one to the feet of points on the chord. False if one is too far.
+bool start_at_feet(const geometry::SurfaceShape& surface, const geometry::SurfaceSearch& search,
+                   std::vector<PlacedPoint>& points) {
+  const Eigen::Vector3d from = points.front().x, chord = points.back().x - from;
+  // From both ends to the middle, so that a guess is never farther than a chord away.
+  for (std::size_t low = 1, high = points.size() - 2; low <= high; ++low, --high)
+    for (const std::size_t i : {low, high}) {
+      const double part = static_cast<double>(i) / static_cast<double>(points.size() - 1);
+      const PlacedPoint& neighbour = i == low ? points[i - 1] : points[i + 1];
+      const auto foot = foot_within(surface, search, from + part * chord, neighbour.at, 0.5 * chord.norm());
+      if (!foot) return false;
+      points[i] = *foot;
+    }
+  return true;
+}
+
+/// Whether the edge goes round more than a third of a turn.
+bool goes_round(const geometry::SurfaceShape& surface, const std::vector<PlacedPoint>& points) {
+  const auto normal = [&](const PlacedPoint& point) {
+    return surface.normal(surface.at(point.at[0], point.at[1]), point.at[0], point.at[1]);
+  };
+  return normal(points.front()).dot(normal(points.back())) < kThirdOfATurn;
+}
+
+/// Whether such an edge leaves the face in its middle, and so goes round the wrong side.
+bool leaves(const geometry::SurfaceShape& surface, const std::vector<PlacedPoint>& points) {
+  const PlacedPoint& middle = points[points.size() / 2];
+  return goes_round(surface, points) && !surface.contains(middle.at[0], middle.at[1]);
+}
+
+}  // namespace
+
+std::optional<std::vector<PlacedPoint>> points_between(const geometry::SurfaceShape& surface,
+                                                       const geometry::SurfaceSearch& search, const PlacedPoint& a,
+                                                       const PlacedPoint& b, int count) {
+  std::vector<PlacedPoint> points(static_cast<std::size_t>(count) + 2);
+  points.front() = a;
+  points.back() = b;
+  const bool is_found = start_at_feet(surface, search, points);
+  if (is_found) relax(surface, search, points);
+  if (is_found && !leaves(surface, points)) return std::vector<PlacedPoint>(points.begin() + 1, points.end() - 1);
+  std::vector<PlacedPoint> others = points;  // along the parameters, it may stay in the face
+  for (std::size_t i = 1; i + 1 < others.size(); ++i) {
+    const double part = static_cast<double>(i) / static_cast<double>(count + 1);
+    for (const std::size_t k : {0u, 1u}) others[i].at[k] = a.at[k] + part * (b.at[k] - a.at[k]);
+    others[i].x = surface.at(others[i].at[0], others[i].at[1]).x;
+  }
+  relax(surface, search, others);
+  if (goes_round(surface, others) && !leaves(surface, others))
+    points = std::move(others);
+  else if (!is_found)
+    return std::nullopt;
   return std::vector<PlacedPoint>(points.begin() + 1, points.end() - 1);
 }
 

@@ -30,4 +30,16 @@ struct NewVertex {
 void place_refined(HighOrderMesh& mesh, Association& association, std::vector<std::vector<int>> surface_of_element,
                    std::span<const NewVertex> vertices, const Team& team);
 
+/// Puts the nodes that lie between both ends of one of the edges, and maybe other vertices, to where a straight mesh
+/// would have them: on edges and faces of the boundary on the geometry, inside the mesh blended from those around. All
+/// other nodes stay.
+/// @param association         that of the mesh before; becomes that of `mesh`
+/// @param surface_of_element  as Association has it, of `mesh`
+/// @param before              by node of `mesh`: its index in the mesh before
+/// @param edges               the ends of each edge, the lower index first
+/// Call it inside team.run().
+void place_edges_anew(HighOrderMesh& mesh, Association& association, std::vector<std::vector<int>> surface_of_element,
+                      const std::vector<std::int32_t>& before, std::span<const std::array<std::int32_t, 2>> edges,
+                      const Team& team);
+
 }  // namespace varimesh

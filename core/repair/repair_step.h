@@ -15,7 +15,8 @@ struct RepairStep {
     SplitFace,     ///< An interior face was split in three, together with the elements on both sides.
     Straightened,  ///< Elements were made straight-sided as far as the boundary allows.
     Left,          ///< Elements were left as they were; the sentence says why.
-    Swapped,       ///< The elements around an interior edge or face got others in their place, with the same vertices.
+    Swapped,       ///< The elements around an edge or face got others in their place, with the same vertices. On the
+                   ///< boundary, there may be none.
     Collapsed,     ///< An interior vertex went to the other end of an edge; the elements along the edge disappeared.
   };
   Kind kind = Kind::Left;

@@ -7,6 +7,7 @@
 #include "core/base/team.h"
 #include "core/mesh/node_parameters.h"
 #include "core/mesh/plane.h"
+#include "core/repair/boundary_swaps.h"
 #include "core/repair/refine.h"
 #include "core/slide/slide_on_file.h"
 
@@ -23,18 +24,22 @@ Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions
   HighOrderMesh refined = mesh;
   const NodesWithParameters before(mesh);
   RefineReport report;
+  std::size_t swapped = 0;
   team.run([&] {
     association = lies_in_a_plane(mesh, team) ? associate_in_plane(mesh, model, team) : associate(mesh, model, team);
-    if (association) report = refine(refined, *association, {wanted, most_cells, std::move(*held)}, done.steps, team);
+    if (!association) return;
+    swapped = swap_boundary_edges(refined, *association, wanted, *held, done.steps, report.surfaces, team);
+    if (swapped == 0) report = refine(refined, *association, {wanted, most_cells, std::move(*held)}, done.steps, team);
   });
   if (!association) return tl::unexpected(association.error());
   done.is_full = report.is_full;
-  if (report.edges == 0) return report.edges;
+  if (report.edges + swapped == 0) return 0;
   before.forget_moved(refined);
   mesh = std::move(refined);
   done.edges += report.edges;
+  done.swapped += swapped;
   done.surfaces.insert(report.surfaces.begin(), report.surfaces.end());
-  return report.edges;
+  return report.edges + swapped;
 }
 
 std::string full_sentence(std::size_t most_cells) {
@@ -51,9 +56,13 @@ std::string Refinement::sentence(std::size_t before, std::size_t after) const {
     where += (shown++ == 0 ? (surfaces.size() == 1 ? " at surface " : " at surfaces ") : ", ") + surface;
   }
   if (surfaces.size() > kShown) where += " and " + std::to_string(surfaces.size() - kShown) + " more";
-  return "Refining split " + std::to_string(edges) + (edges == 1 ? " edge" : " edges") + where +
-         " of the model; the mesh has " + std::to_string(after - before) + " more elements than the " +
-         std::to_string(before) + " with which it came.";
+  const auto counted = [](std::size_t count) { return std::to_string(count) + (count == 1 ? " edge" : " edges"); };
+  std::string what = edges > 0 ? "split " + counted(edges) : "";
+  if (swapped > 0) what += (edges > 0 ? " and swapped " : "swapped ") + counted(swapped);
+  const std::size_t change = after < before ? before - after : after - before;
+  return "Refining " + what + where + " of the model; the mesh has " + std::to_string(change) +
+         (after < before ? " fewer" : " more") + " elements than the " + std::to_string(before) +
+         " with which it came.";
 }
 
 }  // namespace varimesh

@@ -1,4 +1,5 @@
-// Splits edges on the boundary of a mesh that has been optimised, with new nodes on a model. Internal to core/optimise.
+// Splits and swaps edges on the boundary of a mesh that has been optimised, with new nodes on a model. Internal to
+// core/optimise.
 #pragma once
 
 #include <cstddef>
@@ -20,6 +21,7 @@ struct Geometry;
 /// What refining has done so far.
 struct Refinement {
   std::size_t edges = 0;           ///< How many were split.
+  std::size_t swapped = 0;         ///< How many were swapped.
   bool is_full = false;            ///< The mesh may not grow as far as it would have.
   std::set<std::string> surfaces;  ///< At which surfaces of the model, as Surface::number_text().
   std::vector<RepairStep> steps;   ///< One for each edge.
@@ -32,9 +34,9 @@ struct Refinement {
 /// For a person, if refining ends because the mesh may not have more elements than these.
 std::string full_sentence(std::size_t most_cells);
 
-/// Splits edges of these elements once (core/repair/refine.h) and adds to `done`. Returns how many were split.
-/// `options.fix`, `threads` and `stop` are looked at. Errors: those of associate(). Throws Interrupted if the work is
-/// to stop; the mesh is then as it came.
+/// Swaps edges of these elements that no split can help (core/repair/boundary_swaps.h), or if there are none, splits
+/// edges (core/repair/refine.h), and adds to `done`. Returns how many. `options.fix`, `threads` and `stop` are looked
+/// at. Errors: those of associate(). Throws Interrupted if the work is to stop; the mesh is then as it came.
 /// @param wanted      numbers of elements, in ascending order
 /// @param most_cells  how many the mesh may have
 Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
