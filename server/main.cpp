@@ -33,6 +33,7 @@
 #include "server/api/endpoint.h"
 #include "server/command_line/flags.h"
 #include "server/fetch/fetch.h"
+#include "server/fetch/post.h"
 #include "server/isolation/process_engine.h"
 #include "server/log/log.h"
 #include "server/maintenance/commands.h"
@@ -282,6 +283,7 @@ int main(int argc, char** argv) {
   }
   flags->options.isolates = flags->runs_in_processes;
   if (varimesh::server::can_fetch()) flags->options.web_tokens.fetch = varimesh::server::fetch;
+  flags->options.webhooks.post = varimesh::server::post;
   auto engine = engine_for(*flags);
   if (!engine) {
     std::cerr << "varimeshd: " << engine.error().sentence << '\n';

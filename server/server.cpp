@@ -21,6 +21,7 @@
 #include "server/state/stores.h"
 #include "server/tls/last_good_files.h"
 #include "server/upkeep.h"
+#include "server/webhooks/webhooks.h"
 
 namespace varimesh::server {
 namespace {
@@ -76,6 +77,14 @@ Expected<void> Server::open_stores() {
   return {};
 }
 
+Expected<void> Server::start_webhooks() {
+  auto webhooks = Webhooks::start(stores_->jobs(), options_.webhooks, options_.clock,
+                                  [this](CallEnd end) { metrics_->count_webhook(end); });
+  if (!webhooks) return tl::unexpected(webhooks.error());
+  webhooks_ = std::move(*webhooks);
+  return {};
+}
+
 Expected<void> Server::start_scheduler() {
   SchedulerSettings settings;
   settings.threads = options_.role == Role::Frontend ? 0 : threads_.threads();
@@ -99,11 +108,12 @@ Expected<void> Server::start_scheduler() {
     spdlog::info("{} {}", job, what);
   };
   settings.noted = [this](const v1::Job& job) {
-    if (has_ended(job.state()))
-      metrics_->count_end(job);
-    else
-      metrics_->count_submission();
+    if (!has_ended(job.state())) return metrics_->count_submission();
+    metrics_->count_end(job);
+    if (job.spec().has_webhook()) webhooks_->wake();
   };
+  if (webhooks_->are_taken())
+    settings.check_webhook = [this](const v1::Webhook& webhook) { return webhooks_->check(webhook); };
   settings.spans = options_.spans;
   settings.kernels_worked = [this](const KernelWork& work) { metrics_->count_kernels(work.operations, work.seconds); };
   settings.lost = [this] { metrics_->count_loss(); };
@@ -161,6 +171,7 @@ Expected<void> Server::start_metrics_port() {
           now.running = counts->running;
         }
         now.store_bytes = stores_->meshes().stored_bytes();
+        now.waiting_calls = stores_->jobs().waiting_calls().value_or(0);
         const auto oldest = scheduler_->oldest_pending();
         if (oldest && *oldest)
           now.oldest_pending_seconds = std::chrono::duration<double>(options_.clock() - **oldest).count();
@@ -198,6 +209,7 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   }
   if (const auto read = server->read_tokens(); !read) return tl::unexpected(read.error());
   if (const auto opened = server->open_stores(); !opened) return tl::unexpected(opened.error());
+  if (const auto started = server->start_webhooks(); !started) return tl::unexpected(started.error());
   if (const auto started = server->start_scheduler(); !started) return tl::unexpected(started.error());
   server->endpoint_ = std::make_unique<Endpoint>(*server->scheduler_, server->stores_->meshes(), *server->access_,
                                                  server->options_.limits, *server->pages_, server->options_.clock(),
@@ -213,9 +225,9 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (const auto started = server->start_metrics_port(); !started) return tl::unexpected(started.error());
   // The last one: a server that fails to start does not end the watches of those who came meanwhile.
   if (const auto started = server->start_http_port(); !started) return tl::unexpected(started.error());
-  server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
-                                             *server->endpoint_, *server->self_check_, server->tls_.get(),
-                                             Watchdog{server->options_.limits.watchdog, server->options_.lost});
+  server->upkeep_ = std::make_unique<Upkeep>(
+      *server->scheduler_, *server->stores_, *server->access_, *server->endpoint_, *server->self_check_,
+      server->tls_.get(), *server->webhooks_, Watchdog{server->options_.limits.watchdog, server->options_.lost});
   server->running_ = true;
   server->scheduler_->tick();
   server->endpoint_->health().set_serving(server->stores_->meshes().has_room());

@@ -18,6 +18,7 @@
 #include "server/resources/thread_budget.h"
 #include "server/tls/tls.h"
 #include "server/tracing/spans.h"
+#include "server/webhooks/webhook_settings.h"
 
 namespace varimesh::server {
 
@@ -33,6 +34,7 @@ class Scheduler;
 class Stores;
 class SelfCheck;
 class Upkeep;
+class Webhooks;
 
 /// What a server does: answer clients and run jobs, or only one of both.
 enum class Role { All, Frontend, Worker };
@@ -52,6 +54,7 @@ struct ServerOptions {
   std::string data;   ///< If `state` is empty: the directory in which the temporary directory for meshes is created.
                       ///< Empty: the system's directory for temporary files.
   Limits limits;
+  WebhookSettings webhooks;  ///< Whom jobs may have called at their end. Empty: nobody.
   /// Opens a job store elsewhere, such as in a database, while meshes are kept in `state`. Empty: jobs are there too.
   std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
   std::string meshes;  ///< With `open_jobs`: a directory of meshes that servers share. Empty: they are in `state`.
@@ -101,6 +104,7 @@ class Server {
   /// The steps of start(). Errors as there.
   Expected<void> read_tokens();
   Expected<void> open_stores();
+  Expected<void> start_webhooks();
   Expected<void> start_scheduler();
   Expected<void> start_admin_port();
   Expected<void> start_http_port();
@@ -112,6 +116,7 @@ class Server {
   ThreadBudget threads_;
   std::unique_ptr<Metrics> metrics_;
   std::unique_ptr<Stores> stores_;
+  std::unique_ptr<Webhooks> webhooks_;
   std::unique_ptr<Scheduler> scheduler_;
   std::unique_ptr<Access> access_;
   std::unique_ptr<PageTokens> pages_;

@@ -51,7 +51,7 @@ class Upkeep::Ticker {
 };
 
 Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
-               LastGoodFiles* tls, Watchdog watchdog) {
+               LastGoodFiles* tls, Webhooks& webhooks, Watchdog watchdog) {
   using std::chrono::milliseconds, std::chrono::seconds, std::chrono::minutes;
   streams_ = std::make_unique<Ticker>(milliseconds(250), [&endpoint] { endpoint.tick(); });
   jobs_ = std::make_unique<Ticker>(seconds(1), [&scheduler, &stores, &endpoint] {
@@ -79,6 +79,13 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
       spdlog::error("{} The certificates stay as they were.", read.error().sentence);
     else if (*read)
       spdlog::info("the certificates were read again");
+  });
+  receivers_ = std::make_unique<Ticker>(seconds(1), [&webhooks] {
+    const auto read = webhooks.refresh();
+    if (!read)
+      spdlog::error("{} The receivers of webhooks stay as they were.", read.error().sentence);
+    else if (*read)
+      spdlog::info("the receivers of webhooks were read again");
   });
   const auto now = [] { return std::chrono::steady_clock::now(); };
   dialling_ = std::make_unique<Ticker>(

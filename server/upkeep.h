@@ -12,6 +12,7 @@
 #include "server/self_check.h"
 #include "server/state/stores.h"
 #include "server/tls/last_good_files.h"
+#include "server/webhooks/webhooks.h"
 
 namespace varimesh::server {
 
@@ -22,14 +23,14 @@ struct Watchdog {
 };
 
 /// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
-/// the server's health, reads changed tokens and certificates, and fetches an issuer's keys (every second), dials the
-/// server (every 5 s), gives memory back to the system (every 10 s), and deletes old meshes and compresses idle ones
-/// (every minute). Everything it is given must outlive it.
+/// the server's health, reads changed tokens, certificates and receivers of webhooks, and fetches an issuer's keys
+/// (every second), dials the server (every 5 s), gives memory back to the system (every 10 s), and deletes old meshes
+/// and compresses idle ones (every minute). Everything it is given must outlive it.
 class Upkeep {
  public:
   /// `tls`: null for a server that does not encrypt.
   Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
-         LastGoodFiles* tls, Watchdog watchdog);
+         LastGoodFiles* tls, Webhooks& webhooks, Watchdog watchdog);
   ~Upkeep();
 
   /// Stops the threads that start jobs and compress meshes. The others run until this object is destroyed.
@@ -39,7 +40,8 @@ class Upkeep {
   class Ticker;
 
   std::atomic<bool> stopping_ = false;
-  std::unique_ptr<Ticker> streams_, jobs_, tokens_, keys_, certificates_, memory_, sweeping_, compression_, dialling_;
+  std::unique_ptr<Ticker> streams_, jobs_, tokens_, keys_, certificates_, receivers_, memory_, sweeping_, compression_,
+      dialling_;
 };
 
 }  // namespace varimesh::server

@@ -24,6 +24,7 @@ struct Arguments {
   std::string request_id;
   std::vector<std::string> formats, labels;
   int priority = 0;
+  std::string webhook;
   v1::Options options;
   LayerFlags layers;
 };
@@ -37,6 +38,7 @@ Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
     return tl::unexpected(labels.error());
   *spec.mutable_options() = arguments.options;
   spec.set_priority(arguments.priority);
+  if (!arguments.webhook.empty()) spec.mutable_webhook()->set_url(arguments.webhook);
   for (const std::string& name : arguments.formats) {
     const auto* format = value_of(*v1::MeshFormat_descriptor(), name);
     if (format == nullptr) return bad_option("There is no format '" + name + "'.");
@@ -96,6 +98,23 @@ tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, In
   return *job;
 }
 
+/// Checks that the server knows what the spec asks for: an older one would leave it out without a word. Returns the
+/// exit status, after a message; kDone: it does.
+int check_server(Client& client, const v1::JobSpec& spec) {
+  if (!spec.has_layers() && !spec.has_webhook()) return kDone;
+  const auto server = client.info();
+  if (!server) return print_error(server.error());
+  if (spec.has_layers() && !server->takes_layers())
+    return print_error(bad_option("The server makes no layers, because it is older than they are. Split the result "
+                                  "with 'varimesh layers'.")
+                           .value());
+  if (spec.has_webhook() && !server->takes_webhooks())
+    return print_error(bad_option("The server calls nobody at the end of a job; leave out --webhook, or ask its "
+                                  "operator to start it with --webhooks.")
+                           .value());
+  return kDone;
+}
+
 int submit(const Arguments& arguments) {
   if (const auto fine = check_meshes(arguments); !fine) return print_error(fine.error());
   auto spec = job_spec(arguments);
@@ -109,15 +128,7 @@ int submit(const Arguments& arguments) {
   if (!geometry) return print_error(geometry.error());
   if (input.slides()) print_sentence("The server takes no geometries, so the boundary nodes slide in this process.");
   if (*geometry) *spec->mutable_geometry() = std::move(**geometry);
-  if (spec->has_layers()) {
-    const auto server = connection->client->info();
-    if (!server) return print_error(server.error());
-    if (!server->takes_layers())
-      return print_error(
-          bad_option("The server makes no layers, because it is older than they are. Split the result with 'varimesh "
-                     "layers'.")
-              .value());
-  }
+  if (const int refused = check_server(*connection->client, *spec); refused != kDone) return refused;
   Json documents = Json::array();
   int status = kDone;
   for (const std::string& path : arguments.meshes) {
@@ -158,6 +169,10 @@ Action add_submit(Command program) {
            "From -100 to 100; jobs with a higher priority go first, and a step counts like ten minutes of waiting")
       .from(-100, 100)
       .shows_default();
+  command
+      .add("--webhook", &arguments->webhook,
+           "Address that the server calls when a job has ended; its operator says which may be called")
+      .value("URL");
   add_request_id_flag(command, &arguments->request_id);
   add_compress_flag(command, &arguments->common);
   add_options(command, &arguments->options);

@@ -35,6 +35,7 @@ class CallersView {
   }
   /// For bytes that the caller sends.
   Answer<std::unique_ptr<BlobWriter>> create(std::int64_t announced) const { return meshes_->create(announced); }
+  std::optional<std::int64_t> share() const { return meshes_->share_of(caller_.owner); }
   std::unique_ptr<KeptShare> keep_share() const { return meshes_->keep_share(caller_.owner); }
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) const { return meshes_->finish_upload(ticket); }
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) const;

@@ -41,6 +41,24 @@ void shorten(v1::Job& job) {
   if (metrics.has_geometry()) metrics.mutable_geometry()->clear_elements();
 }
 
+v1::ServerLimits to_proto(const Limits& limits) {
+  v1::ServerLimits all;
+  all.set_max_mesh_bytes(limits.max_mesh_bytes);
+  all.set_max_pending_jobs(limits.max_pending_jobs);
+  all.set_threads(limits.threads);
+  all.set_max_pending_jobs_per_peer(limits.max_pending_jobs_per_peer);
+  all.set_max_running_jobs_per_peer(limits.max_running_jobs_per_peer);
+  all.set_max_watches_per_peer(limits.max_watches_per_peer);
+  all.set_max_uploads_per_peer(limits.max_uploads_per_peer);
+  all.set_max_bytes_per_owner(limits.max_bytes_per_owner);
+  all.set_max_ended_jobs(limits.max_ended_jobs);
+  const auto seconds = [](auto time) { return std::chrono::duration_cast<std::chrono::seconds>(time).count(); };
+  all.mutable_min_ended_age()->set_seconds(seconds(limits.min_ended_age));
+  if (limits.max_ended_age.count() > 0) all.mutable_max_ended_age()->set_seconds(seconds(limits.max_ended_age));
+  all.mutable_mesh_lifetime()->set_seconds(seconds(limits.mesh_lifetime));
+  return all;
+}
+
 }  // namespace
 
 JobService::JobService(const ApiContext& api) : api_(api) {
@@ -188,13 +206,7 @@ JobService::Stream<v1::GetResultResponse>* JobService::result(Call* call, const 
 grpc::ServerUnaryReactor* JobService::info(Call* call, const Request* bytes, v1::GetServerInfoResponse* response) {
   const auto work = [this, response](const CallersView& view, const v1::GetServerInfoRequest&) {
     response->set_version(std::string(version()));
-    response->mutable_limits()->set_max_mesh_bytes(api_.limits.max_mesh_bytes);
-    response->mutable_limits()->set_max_pending_jobs(api_.limits.max_pending_jobs);
-    response->mutable_limits()->set_threads(api_.limits.threads);
-    response->mutable_limits()->set_max_pending_jobs_per_peer(api_.limits.max_pending_jobs_per_peer);
-    response->mutable_limits()->set_max_running_jobs_per_peer(api_.limits.max_running_jobs_per_peer);
-    response->mutable_limits()->set_max_watches_per_peer(api_.limits.max_watches_per_peer);
-    response->mutable_limits()->set_max_uploads_per_peer(api_.limits.max_uploads_per_peer);
+    *response->mutable_limits() = to_proto(api_.limits);
     for (int format = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(format); ++format) {
       if (is_readable(static_cast<v1::MeshFormat>(format)))
         response->add_input_formats(static_cast<v1::MeshFormat>(format));
@@ -205,12 +217,14 @@ grpc::ServerUnaryReactor* JobService::info(Call* call, const Request* bytes, v1:
       response->add_energies(static_cast<v1::Energy>(energy));
     response->set_takes_geometries(api_.scheduler.takes_geometries());
     response->set_takes_layers(true);
+    response->set_takes_webhooks(api_.scheduler.takes_webhooks());
     if (!view.caller().rights.contains(kRead)) return grpc::Status::OK;
     *response->mutable_start_time() = timestamp(api_.start_time);
     const auto counts = api_.scheduler.counts();
     if (!counts) return status(counts.error());
     response->set_pending_jobs(counts->pending);
     response->set_running_jobs(counts->running);
+    if (const auto bytes = view.share()) response->set_owner_bytes(*bytes);
     return grpc::Status::OK;
   };
   return unary<v1::GetServerInfoRequest>(api_, call, Method::GetServerInfo, bytes, work);

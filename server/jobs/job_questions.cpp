@@ -94,6 +94,12 @@ Answer<JobCounts> JobStore::counts() {
   });
 }
 
+Answer<int> JobStore::waiting_calls() {
+  return read_jobs(*database_, [](Sql& sql) -> Answer<int> {
+    return static_cast<int>(sql.number("SELECT count(*) FROM jobs WHERE call_due IS NOT NULL"));
+  });
+}
+
 Answer<std::optional<TimePoint>> JobStore::oldest_pending() {
   using Result = std::optional<TimePoint>;
   return read_jobs(*database_, [](Sql& sql) -> Answer<Result> {

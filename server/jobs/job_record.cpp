@@ -54,7 +54,13 @@ v1::JobEvent JobTransitions::number(JobRecord& record, v1::JobEvent event) const
 v1::JobEvent JobTransitions::change_state(JobRecord& record, v1::JobState state) const {
   record.job.set_state(state);
   if (state != v1::JOB_STATE_RUNNING && state != v1::JOB_STATE_CANCELLING) record.worker.clear();
-  if (has_ended(state)) *record.job.mutable_end_time() = timestamp(settings_.clock());
+  if (has_ended(state)) {
+    *record.job.mutable_end_time() = timestamp(settings_.clock());
+    if (record.job.spec().has_webhook()) {
+      record.job.mutable_webhook_call()->set_state(v1::WebhookCall::STATE_WAITING);
+      record.call_due = settings_.clock();
+    }
+  }
   v1::JobEvent event;
   event.mutable_state_change()->set_state(state);
   if (record.job.has_error()) *event.mutable_state_change()->mutable_error() = record.job.error();
@@ -197,6 +203,21 @@ Changed JobTransitions::take_back(JobRecord& record) const {
   changed.events.push_back(change_state(record, state));
   changed.job = record.job;
   return changed;
+}
+
+void JobTransitions::claim_call(JobRecord& record, std::chrono::milliseconds patience) const {
+  record.call_due = settings_.clock() + patience;
+}
+
+void JobTransitions::note_call(JobRecord& record, const CallOutcome& outcome) const {
+  v1::WebhookCall& call = *record.job.mutable_webhook_call();
+  if (outcome.was_made) call.set_attempts(call.attempts() + 1);
+  call.set_error(outcome.error);
+  record.call_due.reset();
+  if (outcome.again_after)
+    record.call_due = settings_.clock() + *outcome.again_after;
+  else
+    call.set_state(outcome.error.empty() ? v1::WebhookCall::STATE_DELIVERED : v1::WebhookCall::STATE_GIVEN_UP);
 }
 
 // ===== questions about a record =====

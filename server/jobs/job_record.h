@@ -19,6 +19,8 @@ struct JobRecord {
   std::optional<CheckpointReference> checkpoint;
   std::string trace;           ///< The place of the job in a trace (Submission); empty: none.
   bool cancel_unseen = false;  ///< The job is CANCELLING, but there is no event of that yet.
+  /// When the webhook of the job is to be called next; nothing: it is not.
+  std::optional<TimePoint> call_due;
 };
 
 inline constexpr int kInnocentLoss = 1000;
@@ -48,6 +50,9 @@ class JobTransitions {
   /// Returns whether the job is lost, so that take_back() applies to it.
   bool is_lost(const JobRecord& record, const std::string& worker, const std::set<std::string>& running) const;
   Changed take_back(JobRecord& record) const;
+  /// Somebody calls the webhook of the job. It is called again after `patience` unless note_call() is called before.
+  void claim_call(JobRecord& record, std::chrono::milliseconds patience) const;
+  void note_call(JobRecord& record, const CallOutcome& outcome) const;
 
  private:
   v1::JobEvent number(JobRecord& record, v1::JobEvent event) const;

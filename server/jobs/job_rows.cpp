@@ -26,6 +26,7 @@ enum Column {
   Furthest,
   Peer,
   Trace,
+  CallDue,
   CancelUnseen,
   State = CancelUnseen,
   Owner,
@@ -59,6 +60,7 @@ std::int64_t sum_of_job(const JobRow& row, std::string_view job_bytes) {
   sum.add(row.key).add(static_cast<std::int64_t>(record.job.state())).add(record.token).add(record.lost);
   sum.add(record.worker).add(nanoseconds(record.lease_end)).add(record.history_digest).add(record.furthest);
   if (record.checkpoint) sum.add(record.checkpoint->digest).add(record.checkpoint->iteration);
+  if (record.call_due) sum.add(nanoseconds(*record.call_due));
   return sum.add(job_bytes).value();
 }
 
@@ -100,6 +102,7 @@ bool read_columns(const SqlRow& from, JobRow* row) {
   record.furthest = static_cast<int>(from.number(Furthest));
   record.peer = from.text(Peer);
   record.trace = from.text(Trace);
+  if (!from.is_null(CallDue)) record.call_due = from_nanoseconds(from.number(CallDue));
   return parse(from.view(Job), &record.job) && parse(from.view(Spec), record.job.mutable_spec());
 }
 
@@ -146,7 +149,7 @@ std::string select_jobs(const Sql& sql, std::string_view rest) {
   const std::string columns =
       "SELECT jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, "
       "furthest, "
-      "peer, trace, ";
+      "peer, trace, call_due, ";
   return columns + (sql.dialect().sums ? "state, owner, jobs.sum, specs.sum" : "cancel_unseen::integer") +
          " FROM jobs JOIN specs ON specs.key = jobs.key " + std::string(rest);
 }
@@ -231,15 +234,19 @@ void save_job(JobWork& work, const JobRow& row, const Changed& changed) {
   values.add(row.key);
   add_record(values, row.record, job);
   values.add(sums ? sum_of_job(row, job) : std::int64_t{row.record.cancel_unseen});
+  if (row.record.call_due)
+    values.add(nanoseconds(*row.record.call_due));
+  else
+    values.add_null();
   work.sql.ask(std::string("UPDATE jobs SET state = $2, ended = $3, token = $4, lost = $5, furthest = $6, worker = $7, "
                            "lease_end = $8, history = $9, checkpoint = $10, checkpoint_iteration = $11, job = $12, ") +
-                   (sums ? "sum = $13" : "cancel_unseen = $13::integer::boolean") + " WHERE key = $1",
+                   (sums ? "sum = $13" : "cancel_unseen = $13::integer::boolean") + ", call_due = $14 WHERE key = $1",
                values);
   save_events(work, row.key, changed);
 }
 
 void set_aside(Sql& sql, std::int64_t key) {
-  sql.ask("UPDATE jobs SET state = 0, worker = '' WHERE key = $1", SqlValues().add(key));
+  sql.ask("UPDATE jobs SET state = 0, worker = '', call_due = NULL WHERE key = $1", SqlValues().add(key));
 }
 
 void delete_job(Sql& sql, std::int64_t key) {

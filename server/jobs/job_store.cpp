@@ -265,6 +265,43 @@ Answer<Changed> JobStore::finish(const Claim& claim, const Ending& ending, std::
   return with_kept_room(*database_, [&] { return change(*database_, claim, finish); });
 }
 
+Answer<std::optional<v1::Job>> JobStore::claim_call(std::chrono::milliseconds patience) {
+  using Result = std::optional<v1::Job>;
+  const auto waits = waiting_calls();
+  if (!waits) return tl::unexpected(waits.error());
+  if (*waits == 0) return Result();
+  return write(*database_, [&](JobWork& work) -> Answer<Result> {
+    Sql& sql = work.sql;
+    std::int64_t key = 0;
+    Answer<JobRow> row;
+    sql.ask(select_jobs(sql, std::string("WHERE call_due <= $1 ORDER BY call_due, jobs.key LIMIT 1") +
+                                 sql.dialect().lock_or_skip),
+            SqlValues().add(nanoseconds(work.transitions.settings().clock())), [&](const SqlRow& from) {
+              key = from.number(0);
+              row = read_job(sql, from);
+            });
+    if (key == 0) return Result();
+    if (!row) {
+      set_aside(sql, key);
+      return Result();
+    }
+    work.transitions.claim_call(row->record, patience);
+    save_job(work, *row);
+    return Result(std::move(row->record.job));
+  });
+}
+
+Answer<void> JobStore::note_call(const std::string& name, const CallOutcome& outcome) {
+  const auto note = [&](JobWork& work) -> Answer<void> {
+    auto row = load_job(work.sql, name, true);
+    if (!row) return tl::unexpected(row.error());
+    work.transitions.note_call(row->record, outcome);
+    save_job(work, *row);
+    return {};
+  };
+  return write(*database_, note);
+}
+
 Answer<Changed> JobStore::see_cancel(const Claim& claim, std::int64_t last_sequence) {
   if (!shared()) return Changed{};
   return change(*database_, claim, [&](const JobTransitions& transitions, JobRecord& record) {

@@ -140,6 +140,14 @@ struct Ending {
   std::string lost = {};
 };
 
+/// What came of a call of a job's webhook.
+struct CallOutcome {
+  std::string error = {};  ///< Why the call failed, as a sentence; empty: it did not.
+  /// When it is made again; nothing: never.
+  std::optional<std::chrono::milliseconds> again_after = {};
+  bool was_made = true;  ///< Otherwise it is only put off, and does not count.
+};
+
 class JobDatabase;
 class Sql;
 
@@ -213,6 +221,14 @@ class JobStore {
   /// none. They become PENDING, or CANCELLED if that was requested, or FAILED after the last attempt. The jobs in
   /// `running` are not taken back: the caller runs them but could not renew their leases.
   Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running);
+
+  /// Claims the webhook that was to be called first, and returns its job, or nothing if none is to be called now. It is
+  /// claimed again after `patience` unless note_call() is called before that, since whoever calls it may be lost.
+  Answer<std::optional<v1::Job>> claim_call(std::chrono::milliseconds patience);
+  /// Records what came of the call. NOT_FOUND if the job was deleted meanwhile.
+  Answer<void> note_call(const std::string& name, const CallOutcome& outcome);
+  /// How many webhooks are to be called, now or later.
+  Answer<int> waiting_calls();
 
   /// Returns the digest of the history of a job that has a result.
   Answer<std::string> history_digest(const std::string& name);

@@ -8,7 +8,7 @@ namespace varimesh::server {
 namespace {
 
 /// The version of the tables below. A change of the tables gets a new version and a step that updates older tables.
-constexpr int kVersion = 6;
+constexpr int kVersion = 7;
 
 // The spec never changes and may be large. It has a table of its own, so that it is not written with every change of a
 // job.
@@ -103,6 +103,11 @@ CREATE INDEX jobs_ended_of ON jobs(owner, ended, key) WHERE ended IS NOT NULL;
 ALTER TABLE jobs ADD COLUMN trace TEXT NOT NULL DEFAULT '';  -- id of the trace of the call that submitted the job
 PRAGMA user_version = 6;
 )";
+constexpr char kToVersion7[] = R"(
+ALTER TABLE jobs ADD COLUMN call_due INTEGER;  -- when its webhook is called next, in nanoseconds since 1970; NULL: never
+CREATE INDEX jobs_calling ON jobs(call_due) WHERE call_due IS NOT NULL;
+PRAGMA user_version = 7;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 // The last turn of each peer, which is forgotten with the process.
@@ -126,6 +131,7 @@ bool set_up_schema(SqliteDatabase& database) {
   if (version < 4) database.run(kToVersion4);
   if (version < 5) database.run(kToVersion5);
   if (version < 6) database.run(kToVersion6);
+  if (version < 7) database.run(kToVersion7);
   if (version < 4) add_sums(database);
   transaction.commit();
   return true;

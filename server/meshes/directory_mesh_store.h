@@ -70,6 +70,7 @@ class DirectoryMeshStore : public MeshStore {
   void revoke(const std::string& digest, const std::string& owner) override;
   bool belongs_to(const std::string& digest, const std::string& owner) override;
   Answer<void> check_share(const std::string& owner, std::int64_t more) override;
+  std::optional<std::int64_t> share_of(const std::string& owner) override;
   std::unique_ptr<KeptShare> keep_share(const std::string& owner) override;
   std::optional<std::int64_t> stored_bytes() const override;
   void retain(const std::string& digest) override;

@@ -81,6 +81,16 @@ Answer<void> DirectoryMeshStore::check_share_locked(const std::string& owner, st
   return owner_full(owner, most - more - room + share.bytes, most);
 }
 
+std::optional<std::int64_t> DirectoryMeshStore::share_of(const std::string& owner) {
+  if (settings_.max_bytes_of_owner == 0 || owner.empty()) return {};
+  std::lock_guard lock(mutex_);
+  const auto now = settings_.clock();
+  const auto [found, is_new] = shares_.try_emplace(owner);
+  if (is_new || now - found->second.counted >= kShareLifetime) found->second = {count_share(owner), now};
+  const auto kept = kept_.find(owner);
+  return found->second.bytes + (kept == kept_.end() ? 0 : kept->second);
+}
+
 Answer<void> DirectoryMeshStore::check_share(const std::string& owner, std::int64_t more) {
   std::lock_guard lock(mutex_);
   return check_share_locked(owner, more);

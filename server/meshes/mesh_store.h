@@ -162,6 +162,8 @@ class MeshStore {
   /// have, with `more` bytes added. begin_upload() asks this by itself. Never for the owner "", and never in a store
   /// that servers share, where none knows what all others store.
   virtual Answer<void> check_share(const std::string& /*owner*/, std::int64_t /*more*/) { return {}; }
+  /// The bytes of an owner's meshes and results, which may be a second old; nothing if no limit needs them.
+  virtual std::optional<std::int64_t> share_of(const std::string& /*owner*/) { return {}; }
   /// Keeps room for a mesh that an owner sends without begin_upload(), which does that by itself. Null for owners
   /// without a limit. The store must outlive it.
   virtual std::unique_ptr<KeptShare> keep_share(const std::string& /*owner*/) { return nullptr; }

@@ -97,6 +97,13 @@ struct Metrics::Families {
                                 .Add({}, kRunSeconds);
   Counter& lost =
       counters(registry, "varimesh_jobs_lost_total", "Jobs that were taken back from a server that was lost.").Add({});
+  Family<Counter>& webhook_calls =
+      counters(registry, "varimesh_webhook_calls_total", "Calls at the end of jobs, by how they ended.");
+  std::array<Counter*, 3> call_ends{&webhook_calls.Add({{"outcome", "delivered"}}),
+                                    &webhook_calls.Add({{"outcome", "failed"}}),
+                                    &webhook_calls.Add({{"outcome", "given_up"}})};
+  Gauge& waiting_calls =
+      gauges(registry, "varimesh_webhooks_waiting", "Webhooks that are to be called, now or later.").Add({});
   Counter& kernel_operations = counters(registry, "varimesh_kernel_operations_total",
                                         "Floating-point operations of the kernels of the energy and its derivatives.")
                                    .Add({});
@@ -142,6 +149,8 @@ void Metrics::count_end(const v1::Job& job) {
 
 void Metrics::count_loss() { families_->lost.Increment(); }
 
+void Metrics::count_webhook(CallEnd end) { families_->call_ends[static_cast<std::size_t>(end)]->Increment(); }
+
 void Metrics::count_kernels(double operations, double seconds) {
   families_->kernel_operations.Increment(operations);
   families_->kernel_seconds.Increment(seconds);
@@ -166,6 +175,7 @@ std::string Metrics::text(const Gauges& now) {
   all.ready.Set(now.ready ? 1 : 0);
   all.pending.Set(now.pending);
   all.running.Set(now.running);
+  all.waiting_calls.Set(now.waiting_calls);
   if (now.store_bytes) all.stored.Add({}).Set(static_cast<double>(*now.store_bytes));
   if (now.oldest_pending_seconds) all.oldest.Add({}).Set(*now.oldest_pending_seconds);
   all.resident.Set(resident_bytes());

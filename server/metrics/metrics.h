@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "server/webhooks/webhook_settings.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::server {
@@ -17,6 +18,7 @@ struct Gauges {
   int pending = 0, running = 0;                  ///< Jobs.
   std::optional<double> oldest_pending_seconds;  ///< Age of the job that has waited longest; nothing: not known.
   std::optional<std::int64_t> store_bytes;       ///< Of all meshes and results; nothing: another server counts them.
+  int waiting_calls = 0;                         ///< Webhooks that are to be called, now or later.
   bool ready = false;
 };
 
@@ -37,6 +39,10 @@ struct Gauges {
 ///   varimesh_kernel_seconds_total                         seconds that threads have spent in these kernels
 ///   varimesh_mesh_bytes_total{direction}                  bytes of meshes and results that clients sent ("in") and got
 ///                                                         ("out")
+///   varimesh_webhook_calls_total{outcome}                 calls at the end of jobs that were answered ("delivered"),
+///                                                         failed and are tried again ("failed"), or given up
+///                                                         ("given_up")
+///   varimesh_webhooks_waiting                             webhooks that are to be called, now or later
 ///   varimesh_store_bytes                                  bytes of all meshes and results, from the server that sweeps
 ///   grpc_server_handled_total{grpc_service,grpc_method,grpc_code}   calls, by how they ended
 ///   grpc_server_handling_seconds{grpc_service,grpc_method}          histogram: how long calls took
@@ -58,6 +64,8 @@ class Metrics {
   void count_end(const v1::Job& job);
   /// Counts a job that was taken back from a server that was lost.
   void count_loss();
+  /// Counts a call at the end of a job.
+  void count_webhook(CallEnd end);
   /// Counts floating-point operations of the kernels, and the seconds that threads have spent in them.
   void count_kernels(double operations, double seconds);
   /// Counts bytes of meshes that clients have sent or got.

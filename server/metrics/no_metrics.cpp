@@ -11,6 +11,7 @@ bool Metrics::available() { return false; }
 void Metrics::count_submission() {}
 void Metrics::count_end(const v1::Job&) {}
 void Metrics::count_loss() {}
+void Metrics::count_webhook(CallEnd) {}
 void Metrics::count_kernels(double, double) {}
 void Metrics::count_bytes(bool, std::int64_t) {}
 void Metrics::count_call(std::string_view, int, std::chrono::duration<double>) {}

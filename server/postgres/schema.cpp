@@ -101,10 +101,14 @@ CREATE OR REPLACE FUNCTION note_mesh() RETURNS trigger LANGUAGE plpgsql AS $$ BE
 INSERT INTO needs SELECT digests_in(spec), key, true FROM specs ON CONFLICT DO NOTHING;
 DROP FUNCTION mesh_in;
 )";
+constexpr char kToVersion7[] = R"(
+ALTER TABLE jobs ADD COLUMN call_due BIGINT;  -- when its webhook is called next, in nanoseconds since 1970; NULL: never
+CREATE INDEX jobs_calling ON jobs(call_due) WHERE call_due IS NOT NULL;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4, kToVersion5, kToVersion6};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4, kToVersion5, kToVersion6, kToVersion7};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

@@ -55,6 +55,7 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec, bool is_admin) {
     return invalid_option(accepted.error().sentence);
   if (const auto accepted = check_geometry(spec, *options); !accepted) return accepted;
   if (const auto accepted = check_layers(spec); !accepted) return accepted;
+  if (const auto accepted = check_webhook(spec); !accepted) return accepted;
   for (const std::string& digest : inputs_of(spec))
     if (!meshes_->touch(digest)) return mesh_missing(digest);
   return check_memory(spec.mesh().digest());
@@ -67,6 +68,12 @@ Answer<void> Scheduler::check_layers(const v1::JobSpec& spec) {
   if (!layers) return tl::unexpected(layers.error());
   if (const auto accepted = varimesh::check(*layers); !accepted) return invalid_option(accepted.error().sentence);
   return {};
+}
+
+Answer<void> Scheduler::check_webhook(const v1::JobSpec& spec) const {
+  if (!spec.has_webhook()) return {};
+  if (settings_.check_webhook) return settings_.check_webhook(spec.webhook());
+  return invalid_option("This server calls nobody at the end of a job; leave out the webhook.");
 }
 
 bool Scheduler::takes_geometries() const {

@@ -49,6 +49,8 @@ struct SchedulerSettings {
   std::function<void(const v1::Job&)> noted = [](const auto&) {};  ///< Called with each job that is new or has ended.
   SpanSink spans = {};  ///< Takes the spans of the runs. Empty: nobody wants them.
   std::function<void(const KernelWork&)> kernels_worked = [](const auto&) {};  ///< Attempt::kernels_worked.
+  /// Whether the server may call the webhook of a job; INVALID_ARGUMENT (BAD_OPTION) if not. Empty: no job has one.
+  std::function<Answer<void>(const v1::Webhook&)> check_webhook = {};
   std::function<void()> lost = [] {};  ///< Called for each job that was taken back from a worker that was lost.
 };
 
@@ -96,6 +98,8 @@ class Scheduler {
   /// Whether a job of the owner has the mesh as an input or a result.
   Answer<bool> has_job_with(const std::string& owner, const std::string& digest);
 
+  /// Whether jobs may have webhooks here.
+  bool takes_webhooks() const { return settings_.check_webhook != nullptr; }
   /// Whether jobs may have a geometry here.
   bool takes_geometries() const;
 
@@ -127,6 +131,7 @@ class Scheduler {
   Answer<void> check_memory(const std::string& digest);
   Answer<void> check_geometry(const v1::JobSpec& spec, const Options& options);
   static Answer<void> check_layers(const v1::JobSpec& spec);
+  Answer<void> check_webhook(const v1::JobSpec& spec) const;
   /// Changes a job in the store and adds the events to its log. `change` gets the last event number in use.
   Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);
   void release(const std::vector<std::string>& digests);

@@ -118,4 +118,26 @@ class FairTurns : public JobStoreConformance {
 /// The tests of stores whose jobs outlive the process.
 class DurableJobStoreConformance : public JobStoreConformance {};
 
+/// With jobs that have a webhook.
+class Calls : public JobStoreConformance {
+ protected:
+  static v1::JobSpec with_webhook() {
+    v1::JobSpec with = spec();
+    with.mutable_webhook()->set_url("https://ci.example.org/");
+    return with;
+  }
+  std::string end_one() {
+    const std::string name = submit(with_webhook());
+    EXPECT_TRUE(store_->finish(claim(), success(), 0));
+    return name;
+  }
+  /// The name of the job whose webhook is to be called now; empty: none.
+  std::string due() {
+    const auto claimed = store_->claim_call(std::chrono::seconds(60));
+    return claimed && *claimed ? (*claimed)->name() : "";
+  }
+};
+
+class DurableCalls : public Calls {};
+
 }  // namespace varimesh::server::testing

@@ -45,7 +45,7 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
       "jobs(peer) WHERE state = 1; CREATE INDEX jobs_running ON jobs(key) WHERE worker <> ''; CREATE INDEX jobs_ended "
       "ON "
       "jobs(ended, key) WHERE ended IS NOT NULL; "
-      "ALTER TABLE jobs DROP COLUMN cancel_unseen, DROP COLUMN trace; DELETE FROM varimesh_schema WHERE version > 1");
+      "ALTER TABLE jobs DROP COLUMN cancel_unseen, DROP COLUMN trace, DROP COLUMN call_due; DELETE FROM varimesh_schema WHERE version > 1");
   const auto refused = open_postgres_jobs(at(place));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;
