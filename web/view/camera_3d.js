@@ -1,18 +1,22 @@
 // State that the 3-D views before and after share: the camera, and the choice of what is shown.
 
 const VIEW_FROM = [0.52, -0.72, 0.46];
+const STANDS_AFTER = 250;  // milliseconds without a movement
+const QUIET_FRAMES = 4;
 
 class Shared3d {
   /**
-   * `corners` are those of the cells that the first cut goes through, or of all cells if there are no more (scene.more); null if the
-   * page has curved faces of all cells. Later,
+   * `corners` are those of the cells that the first cut goes through, or of all cells if there are no more (scene.more, and
+   * scene.makeMore(), which makes them); null if the page has curved faces of all cells, or makes all corners later. Later,
    * this.surfaces gets the surfaces of the CAD model, and this.scale a DistanceScale if the page has distances.
    */
   constructor(scene, painter, corners, choice) {
     const [x0, y0, z0, x1, y1, z1] = scene.box;
     this.size = Math.hypot(x1 - x0, y1 - y0, z1 - z0);
     this.half = [(x1 - x0) / 2, (y1 - y0) / 2, (z1 - z0) / 2];
-    Object.assign(this, {scene, painter, corners, choice, hasAll: corners === null || !scene.more});
+    Object.assign(this, {scene, painter, corners, choice, hasAll: !scene.more && !scene.makeMore});
+    this.isRoughWhileTurning = painter.inSoftware;
+    this.turns = false;
     this.views = [];
     this.surfaces = [];
     this.scale = null;
@@ -54,7 +58,30 @@ class Shared3d {
     this.follow();
   }
 
+  /** The picture moves: on a machine without a graphics card, few triangles are drawn until it stands still. */
+  move() {
+    if (!this.isRoughWhileTurning) return;
+    this.movedAt = performance.now();
+    this.quietFrames = 0;
+    if (!this.turns) this.refine(false);
+    if (!this.watches) requestAnimationFrame(() => this.watch());
+    this.watches = true;
+  }
+
+  /** Waits until the picture stands still. Frames count too, since a slow machine moves it seldom. */
+  watch() {
+    this.watches = ++this.quietFrames < QUIET_FRAMES || performance.now() - this.movedAt < STANDS_AFTER;
+    if (this.watches) requestAnimationFrame(() => this.watch());
+    else this.refine(true);
+  }
+
+  refine(isFine) {
+    this.turns = !isFine;
+    for (const view of this.views) view.refine(isFine);
+  }
+
   follow() {
+    this.move();
     for (const view of this.views) {
       view.controls.target.copy(this.target);
       view.controls.update();
@@ -64,6 +91,7 @@ class Shared3d {
 
   /** Called when a view was turned by hand; turns the others too. */
   turned(by) {
+    this.move();
     this.target = by.controls.target.clone();
     for (const view of this.views) {
       if (view !== by) view.controls.target.copy(this.target);
@@ -97,7 +125,7 @@ class Shared3d {
   async load() {
     if (this.hasAll) return;
     document.documentElement.dataset.busy = 'yes';
-    this.loading ??= unpack(document.getElementById('more').textContent, this.scene.more);
+    this.loading ??= this.scene.makeMore?.() ?? unpack(document.getElementById('more').textContent, this.scene.more);
     this.corners = new CornerCells(await this.loading, 'all');
     this.hasAll = true;
     delete document.documentElement.dataset.busy;

@@ -3,9 +3,10 @@
 
 /**
  * The lattice on a face with this many corners and this many intervals per edge: the number of its points, and the indices
- * of the points of its triangles and of the lines of its outline.
+ * of the points of its triangles and of the lines of its outline. `stride`: of the points, these use each so many-th one along
+ * an edge; it divides the intervals.
  */
-function latticePattern(corners, intervals) {
+function latticePattern(corners, intervals, stride = 1) {
   const rows = [];
   let count = 0;
   for (let j = 0; j <= intervals; ++j) {
@@ -14,18 +15,19 @@ function latticePattern(corners, intervals) {
   }
   const point = (i, j) => rows[j] + i;
   const triangles = [];
-  for (let j = 0; j < intervals; ++j) {
+  for (let j = 0; j < intervals; j += stride) {
     const last = corners === 3 ? intervals - j : intervals;
-    for (let i = 0; i < last; ++i) {
-      triangles.push(point(i, j), point(i + 1, j), point(i, j + 1));
-      if (corners === 4 || i + 1 < last) triangles.push(point(i + 1, j), point(i + 1, j + 1), point(i, j + 1));
+    for (let i = 0; i < last; i += stride) {
+      triangles.push(point(i, j), point(i + stride, j), point(i, j + stride));
+      if (corners === 4 || i + stride < last) triangles.push(point(i + stride, j), point(i + stride, j + stride), point(i, j + stride));
     }
   }
   const lines = [];
-  for (let k = 0; k < intervals; ++k) {
-    lines.push(point(k, 0), point(k + 1, 0), point(0, k), point(0, k + 1));
-    if (corners === 3) lines.push(point(intervals - k, k), point(intervals - k - 1, k + 1));
-    else lines.push(point(k, intervals), point(k + 1, intervals), point(intervals, k), point(intervals, k + 1));
+  for (let k = 0; k < intervals; k += stride) {
+    const next = k + stride;
+    lines.push(point(k, 0), point(next, 0), point(0, k), point(0, next));
+    if (corners === 3) lines.push(point(intervals - k, k), point(intervals - next, next));
+    else lines.push(point(k, intervals), point(next, intervals), point(intervals, k), point(intervals, next));
   }
   return {count, intervals, triangles, lines};
 }
@@ -36,6 +38,7 @@ class FaceSet {
     Object.assign(this, description);
     this.cells = arrays[`${description.name}_cells`];
     this.pattern = latticePattern(description.corners, description.intervals);
+    this.coarse = latticePattern(description.corners, description.intervals, description.intervals);
     this.surfaces = arrays[`${description.name}_surfaces`];
     this.arrays = arrays;
     this.known = {};

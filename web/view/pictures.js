@@ -131,7 +131,7 @@ function pictures3d(section, scene, arrays, table, crosses, surfaces) {
   }
   const {boxes, columns} = viewBoxes(scene.snapshots);
   const whole = scene.whole === scene.cells;
-  const shared = new Shared3d(scene, painter, scene.corners ? new CornerCells(arrays, scene.more ? 'cut' : 'all') : null, {axis: scene.first_cut, at: 0, flip: true, threshold: 0, skin: 'solid', only: null, surface: -1, colour: 'jacobian'});
+  const shared = new Shared3d(scene, painter, scene.corners && !scene.makeMore ? new CornerCells(arrays, scene.more ? 'cut' : 'all') : null, {axis: scene.first_cut, at: 0, flip: true, threshold: 0, skin: 'solid', only: null, surface: -1, colour: 'jacobian'});
   const go = (place, size) => {
     shared.look(place.map((value, d) => value - scene.centre[d]), 6 * size);
   };

@@ -37,10 +37,11 @@ class Painter3d {
     const facts = context.getExtension('WEBGL_debug_renderer_info');
     const machine = context.getParameter(facts ? facts.UNMASKED_RENDERER_WEBGL : context.RENDERER);
     const inSoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(machine);
-    return new Painter3d(inSoftware ? {canvas, context} : {antialias: true, alpha: true});
+    return new Painter3d(inSoftware ? {canvas, context} : {antialias: true, alpha: true}, inSoftware);
   }
 
-  constructor(choice) {
+  constructor(choice, inSoftware) {
+    this.inSoftware = inSoftware;
     this.renderer = new THREE.WebGLRenderer(choice);
     this.renderer.setPixelRatio(1);
   }

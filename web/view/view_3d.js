@@ -1,5 +1,7 @@
 // Views of a 3-D mesh that can be turned: its boundary, and the elements behind a cut or below a threshold.
 
+const MOST_ROUGH_EDGES = 10000;  // ends of edges that are drawn while a mesh is turned without a graphics card
+
 /** The colours of all points of a face set, in the linear colour space of the library. */
 function pointColours(faces, table, snapshot) {
   const linear = (value) => linearPart(value) * 65535;
@@ -47,12 +49,23 @@ class DrawnFaces extends Surface3d {
     this.mesh.visible = this.lines.visible = triangles.length > 0;
     if (triangles.length === 0) return 0;
     if (!this.made) this.make();
-    this.surface.setIndex(new THREE.BufferAttribute(triangles, 1));
-    this.outline.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.lines, shown), 1));
+    const index = (pattern) => new THREE.BufferAttribute(this.faces.select(pattern, shown), 1);
+    this.fine = [new THREE.BufferAttribute(triangles, 1), index(this.faces.pattern.lines)];
+    this.rough = this.shared.isRoughWhileTurning ? [index(this.faces.coarse.triangles), index(this.faces.coarse.lines)] : this.fine;
+    this.refine(!this.shared.turns);
     Object.assign(this.solid, {transparent: seeThrough, opacity: seeThrough ? 0.12 : 1, depthWrite: !seeThrough});
     this.solid.needsUpdate = true;
     this.drawEdges(seeThrough);
     return triangles.length / 3;
+  }
+
+  /** Draws all triangles, or one or two of each face, and then no edges if there are many. */
+  refine(isFine) {
+    if (!this.fine) return;
+    const [triangles, lines] = isFine ? this.fine : this.rough;
+    this.surface.setIndex(triangles);
+    this.outline.setIndex(lines);
+    this.lines.visible = this.mesh.visible && (isFine || lines.count < MOST_ROUGH_EDGES);
   }
 }
 
@@ -115,7 +128,7 @@ class View3d {
       else one.show((cell) => poor(cell) || (cut && !beyond(cell)), false);
     }
     const {corners} = this.shared;
-    this.drawnCells?.show(corners, axis >= 0 && skin !== 'none' ? corners.cutBy(this.snapshot, axis, at) : []);
+    this.drawnCells?.show(corners, corners && axis >= 0 && skin !== 'none' ? corners.cutBy(this.snapshot, axis, at) : []);
     this.paint();
   }
 
@@ -166,6 +179,12 @@ class View3d {
     this.paint();
   }
 
+  /** Draws all triangles, or few of them while somebody turns the mesh. */
+  refine(isFine) {
+    for (const one of this.drawn) one.refine(isFine);
+    this.paint();
+  }
+
   paint() {
     if (this.waiting) return;
     this.waiting = true;
@@ -186,6 +205,8 @@ class View3d {
     const {camera} = this.shared;
     this.lamp.position.copy(camera.position);
     this.shared.painter.paint(this.world, camera, this.canvas);
+    if (!this.isSeen) performance.mark('picture');  // for those who measure
+    this.isSeen = true;
     const [width, height] = [this.host.clientWidth, this.host.clientHeight];
     const turned = camera.quaternion.clone().invert();
     this.overlay.showAxes([[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => {
@@ -239,6 +260,7 @@ class View3d {
 
   /** The picture as a PNG file, on the ground of the page and without the marks. */
   picture() {
+    this.shared.refine(true);
     this.render();
     const drawn = this.canvas;
     const canvas = document.createElement('canvas');

@@ -41,6 +41,15 @@ function facePoints(snapshots, snapshot, faces, corners, intervals) {
   return points;
 }
 
+/** Adds an array that is made when it is used for the first time: faces inside a large mesh may never be shown. */
+function addLater(arrays, name, make) {
+  Object.defineProperty(arrays, name, {configurable: true, enumerable: true, get() {
+    const made = make();
+    Object.defineProperty(arrays, name, {value: made, enumerable: true});
+    return made;
+  }});
+}
+
 /** Describes one set of faces, and adds its arrays. `kept`: in how many snapshots they differ. */
 function addFaceSet(snapshots, arrays, set, faces, kept, index, sets) {
   const intervals = intervalsFor(faces.length, snapshots.all[0].mesh.order);
@@ -50,7 +59,7 @@ function addFaceSet(snapshots, arrays, set, faces, kept, index, sets) {
     const name = `${set}${corners}`;
     arrays[`${name}_cells`] = Int32Array.from(chosen, ([cell]) => index.get(cell));
     for (let snapshot = 0; snapshot < kept; ++snapshot) {
-      arrays[`${name}_${snapshots.names[snapshot]}_positions`] = facePoints(snapshots, snapshot, chosen, corners, intervals);
+      addLater(arrays, `${name}_${snapshots.names[snapshot]}_positions`, () => facePoints(snapshots, snapshot, chosen, corners, intervals));
     }
     sets.push({name, set, corners, intervals, snapshots: kept});
   }
@@ -72,7 +81,8 @@ function wholeCells(snapshots) {
 }
 
 /** The corners of all cells, from which a cut is drawn with straight edges. */
-function addCorners(snapshots, arrays) {
+function cornersOf(snapshots) {
+  const arrays = {};
   const [cells] = snapshots.all;
   const sizes = Uint8Array.from(cells.shapes, (shape) => SHAPES[shape].places.length);
   const corners = new Int32Array(sizes.reduce((sum, size) => sum + size, 0));
@@ -100,6 +110,7 @@ function addCorners(snapshots, arrays) {
       return js > 0 ? Math.min(255, Math.max(1, Math.ceil(255 * js))) : 0;
     });
   });
+  return arrays;
 }
 
 /** Whether a node of these faces is at another place in the last snapshot than in the first, beyond what formats round. */
@@ -140,6 +151,7 @@ function makeScene3d(snapshots, arrays) {
   arrays.middles = new Float32Array(3 * shown.length);
   shown.forEach((cell, i) => cells.extent(cell).place.forEach((value, d) => { arrays.middles[3 * i + d] = value - snapshots.centre[d]; }));
   const corners = whole.length < cells.count;
-  if (corners) addCorners(snapshots, arrays);
-  return {shown, scene: {sets, whole: whole.length, whole_up_to: limit, first_cut: 1, distances: false, corners}};
+  // A large mesh is shown from outside at first: nothing inside it has to be made for that.
+  return {shown, scene: {sets, whole: whole.length, whole_up_to: limit, first_cut: corners ? -1 : 1, distances: false, corners,
+    makeMore: corners ? () => cornersOf(snapshots) : undefined}};
 }
