@@ -23,12 +23,23 @@ function secondsRun(job) {
   return (new Date(job.endTime ?? Date.now()) - new Date(job.startTime)) / 1000;
 }
 
-/** How far a job has come: a percentage if the job has a time limit, otherwise what its last iteration says. */
+/**
+ * "40 %, 1 min 05 s left" after so many seconds of a run, if its server estimates what is left; otherwise "40 %" if it has a time
+ * limit; otherwise empty.
+ */
+function shareText(seconds, left, limit) {
+  const share = (of) => `${Math.max(0, Math.min(99, Math.floor((100 * seconds) / of)))} %`;
+  if (left !== undefined) return `${share(Math.max(seconds + left, 1e-9))}, about ${duration(left)} left`;
+  return limit ? share(limit) : '';
+}
+
+/** How far a job has come: the share of its time that has passed, as far as it is known, and what its last iteration says. */
 function progressOf(job) {
   if (job.state === 'JOB_STATE_SUCCEEDED') return '100 %';
   if (hasEnded(job) || !job.startTime) return '–';
-  const limit = job.spec.options?.timeLimit;
-  const parts = limit ? [`${Math.min(99, Math.floor((100 * secondsRun(job)) / limit))} %`] : [];
+  const {seconds, secondsLeft} = job.iteration ?? {};
+  const share = shareText(secondsLeft === undefined ? secondsRun(job) : seconds ?? 0, secondsLeft, job.spec.options?.timeLimit);
+  const parts = share ? [share] : [];
   if (job.iteration) parts.push(`iteration ${grouped(job.iteration.number)}`, `${grouped(countOf(job.iteration.invalidElements))} not certified`);
   return parts.join(', ') || 'reading';
 }

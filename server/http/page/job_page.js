@@ -16,6 +16,7 @@ class Progress {
   take(event) {
     if (event.log) this.log.append(`${instant(event.time)} ${event.log.text ?? event.log.message ?? ''}\n`);
     if (event.stateChange) this.log.append(`${instant(event.time)} ${event.stateChange.state.replace('JOB_STATE_', '').toLowerCase()}\n`);
+    if (event.bookmark?.work?.secondsLeft !== undefined && this.said) this.say(event.bookmark.work.secondsLeft);
     if (!event.iteration) return;
     const one = event.iteration;
     const {history} = this;
@@ -27,9 +28,15 @@ class Progress {
     history.seconds.push(one.seconds ?? 0);
     history.min_scaled_jacobian.push(one.minScaledJacobian ?? 0);
     history.invalid_elements.push(countOf(one.invalidElements));
-    this.line.textContent = `${history.phase.at(-1)} ${one.number}: ${grouped(history.invalid_elements.at(-1))} not certified, smallest scaled Jacobian ` +
+    this.said = `${history.phase.at(-1)} ${one.number}: ${grouped(history.invalid_elements.at(-1))} not certified, smallest scaled Jacobian ` +
         `${jacobian(history.min_scaled_jacobian.at(-1))}, ${duration(history.seconds.at(-1))}`;
+    this.say(one.secondsLeft);
     if (Date.now() - this.drawn > REDRAW_EVERY) this.draw();
+  }
+
+  /** Says how far the run is, and how long it will still take if the server estimates that. */
+  say(secondsLeft) {
+    this.line.textContent = [this.said, shareText(this.history.seconds.at(-1), secondsLeft)].filter(Boolean).join(' · ');
   }
 
   draw() {
@@ -64,23 +71,26 @@ async function geometryFields(job, order, signal) {
 }
 
 /** The spec of the next run: all that the last one had, but for what the form shows. */
-async function nextSpec(job, form, model) {
+async function nextSpec(job, form, model, layers) {
   const {quality, labels, outputs = [], ...rest} = job.spec;
   const own = quality ? [] : outputs.filter((format) => !PICTURE_FORMATS.includes(format));
-  return {...rest, labels, options: form.options(), outputs: [...(own.length ? own : ['MESH_FORMAT_UNSPECIFIED']), ...PICTURE_FORMATS],
+  const options = form.options();
+  return {...rest, labels, options, layers: layers.spec(options), outputs: [...(own.length ? own : ['MESH_FORMAT_UNSPECIFIED']), ...PICTURE_FORMATS],
     geometry: model ? await model.spec() : rest.geometry};
 }
 
 /** The form for a run on this job's mesh, with the options of the last one, and the same for a terminal and Python. */
-async function runForm(job, order, signal) {
-  const [form, model] = await Promise.all([OptionForm.create(job.spec.options), geometryFields(job, order, signal)]);
+async function runForm(job, order, groups, signal) {
+  const {options, layers: before} = job.spec;
+  const [form, model, layers] = await Promise.all([OptionForm.create(before?.spacing ? {...options, layerSpacing: before.spacing} : options),
+    geometryFields(job, order, signal), LayerFields.create(before, groups)]);
   signal.throwIfAborted();
   modelField = model;
   const section = addSection('run', isJudged(job) ? 'Optimise' : 'Run again');
   const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
-  const node = make('form', {}, form.node, ...(model ? [model.node] : []), make('div', {class: 'controls'}, start));
+  const node = make('form', {}, form.node, layers.node, ...(model ? [model.node] : []), make('div', {class: 'controls'}, start));
   const run = async () => {
-    const {name} = await submitSpec(await nextSpec(job, form, model));
+    const {name} = await submitSpec(await nextSpec(job, form, model, layers));
     if (!signal.aborted) location.hash = `#/${name}`;
   };
   node.addEventListener('submit', async (event) => {
@@ -89,17 +99,17 @@ async function runForm(job, order, signal) {
     await run().catch((error) => tell(error.message, true));
     start.disabled = false;
   });
-  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
+  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields, layers, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
 }
 
-/** Draws the mesh, or both meshes. Returns the order of the mesh that the job was made for. */
+/** Draws the mesh, or both meshes. Returns the mesh that the job was made for. */
 async function showPicture(section, job, signal) {
   const note = make('p', {class: 'quiet', role: 'status'}, 'Fetching the picture …');
   section.append(note);
   let before = await (isJudged(job) ? cellsAfter(job, signal) : cellsBefore(job, signal));
   const after = isJudged(job) ? null : await cellsAfter(job, signal);
   signal.throwIfAborted();
-  const {order} = before.mesh;
+  const {mesh} = before;
   note.remove();
   if (after && !after.orderLike(before)) {
     section.append(make('p', {class: 'quiet'}, 'The result does not have the same elements as the mesh before, so only the result is shown.'));
@@ -111,7 +121,7 @@ async function showPicture(section, job, signal) {
   const views = (scene.dimension === 2 ? pictures2d : pictures3d)(section, scene, arrays, new CellTable(scene, arrays), crosses, []);
   signal.addEventListener('abort', () => views.dispose?.());
   section.append(make('div', {class: 'columns'}, ...scene.snapshots.map((name) => worstTableOf(scene, name, views.go))), groupTable(before.mesh));
-  return order;
+  return mesh;
 }
 
 /** The worst elements of a mesh, each with a button that shows it. */
@@ -120,6 +130,13 @@ function worstTableOf(scene, snapshot, go) {
     go ? button('Show', () => go(one.place, one.size)) : '']);
   return table(scene.snapshots.length > 1 ? `The worst elements ${snapshot}` : 'The worst elements',
       [{text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, 'Action'], rows);
+}
+
+/** What has come of the call at the end of a job; empty: it has none. */
+function callText({webhookCall}) {
+  if (!webhookCall) return '';
+  if (webhookCall.state === 'STATE_DELIVERED') return 'webhook called';
+  return `webhook ${webhookCall.state === 'STATE_WAITING' ? 'not called yet' : 'given up'}${webhookCall.error ? `: ${webhookCall.error}` : ''}`;
 }
 
 /** What to do with a job besides looking. */
@@ -141,7 +158,7 @@ async function showJob(name, signal) {
   const buttons = make('div', {class: 'controls'});
   const describe = () => {
     line.dataset.state = stateWord(job);
-    line.textContent = [isJudged(job) ? 'quality' : 'optimise', stateWord(job), outcomeOf(job), hasEnded(job) ? `took ${duration(secondsRun(job))}` : '', job.name]
+    line.textContent = [isJudged(job) ? 'quality' : 'optimise', stateWord(job), outcomeOf(job), hasEnded(job) ? `took ${duration(secondsRun(job))}` : '', callText(job), job.name]
         .filter(Boolean).join(' · ');
     buttons.replaceChildren(...jobButtons(job));
   };
@@ -165,14 +182,15 @@ async function showJob(name, signal) {
   }
   if (isJudged(job)) judged.set(job.spec.mesh.digest, job.name);
   let order = isJudged(job) || !job.spec.geometry?.order ? job.metrics?.mesh.order : 1;
+  let groups = [];
   if (job.results?.length) {
     const picture = addSection('pictures', 'The mesh, coloured by scaled Jacobian');
-    order = await showPicture(picture, job, signal).catch((error) => {
+    const mesh = await showPicture(picture, job, signal).catch((error) => {
       signal.throwIfAborted();
       picture.append(make('p', {class: 'lost'}, error.message));
-      return order;
     });
+    if (mesh) [order, groups] = [mesh.order, boundaryGroups(mesh)];
   }
   signal.throwIfAborted();
-  await runForm(job, order, signal);
+  await runForm(job, order, groups, signal);
 }

@@ -86,6 +86,7 @@ class JobList {
 async function showJobs(signal) {
   const section = addSection('jobs', 'Jobs');
   const list = new JobList(section, signal);
+  const kept = showKeeping(section, signal).catch(() => {});  // The list says what is wrong.
   let isLost = false;
   while (!signal.aborted) {
     try {
@@ -97,6 +98,7 @@ async function showJobs(signal) {
       isLost = true;
       tell(`${error.message} Trying again …`, true);
     }
+    await kept;
     ready();
     await pause(LIST_EVERY);
   }

@@ -32,17 +32,18 @@ function meanings(schema) {
 }
 
 class OptionField {
-  constructor(name, schema, schemas) {
+  /** `prefix`: of the id in the page. */
+  constructor(name, schema, schemas, prefix = 'option') {
     this.name = name;
     const resolved = schema.$ref ? schemas[schema.$ref.split('/').at(-1)] : schema;
     this.choices = resolved.enum;
     this.kind = this.choices ? 'choice' : schema.type === 'array' ? 'list' : schema.type === 'boolean' ? 'switch' : 'number';
-    this.ofNumbers = schema.items?.format === 'int64';
+    this.ofNumbers = schema.items?.format === 'int64' || schema.items?.type === 'number';
     this.whole = schema.type === 'integer';
     this.meanings = this.choices ? meanings(resolved) : {};
-    this.hint = make('p', {class: 'quiet small', id: `hint-${name}`}, firstSentence(schema.description));
+    this.hint = make('p', {class: 'quiet small', id: `${prefix}-hint-${name}`}, firstSentence(schema.description));
     this.input = this.makeInput();
-    set(this.input, {id: `option-${name}`, 'aria-describedby': this.hint.id});
+    set(this.input, {id: `${prefix}-${name}`, 'aria-describedby': this.hint.id});
     this.input.addEventListener('input', () => this.explain());
     this.node = make('div', {class: 'option'}, make('label', {for: this.input.id}, withUnderscores(name).replaceAll('_', ' ')), this.input, this.hint);
   }

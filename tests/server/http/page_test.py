@@ -1,6 +1,5 @@
 """The page of --http in a headless Chromium: a mesh is dropped, looked at, optimised and downloaded there.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
-import hashlib
 import http.client
 import json
 import os
@@ -11,10 +10,9 @@ import unittest
 from pathlib import Path
 
 from over_http import WithHttp
-from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, VARIMESHD, run
+from programs import CASES, FOLDED, MESH, VARIMESHD, run
 from with_page import WithPage
 
-PLUGIN = Path(os.environ["VARIMESH"]).parent / "libvarimesh_opencascade.so"
 FILES = {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript", "/three.js": "text/javascript"}
 
 
@@ -110,96 +108,6 @@ class Page(WithPage):
         self.assertGreater(red, drawn / 4, counts)  # the rest is edges and shadow
         self.check_clean()
 
-    def test_a_job_is_watched_and_cancelled(self):
-        job = self.submit(LARGER, *ENDLESS)
-        self.open(f"/#/jobs/{job}")
-        self.page.wait("/ [0-9]+: .*not certified/.test(document.querySelector('#job .readout')?.textContent)")
-        self.page.click("button", "Cancel")
-        self.page.click("button", "Cancel: click again")
-        self.wait_for_state("cancelled")
-        self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
-        self.page.wait("document.querySelectorAll('#pictures .view').length === 2 || document.querySelectorAll('#pictures .view').length === 4")
-        self.check_clean()
-
-    def test_the_list_of_jobs(self):
-        for _ in range(22):
-            self.submit(MESH, "--time-limit", "5")
-        job = self.submit(LARGER, *ENDLESS)
-        self.open("/#/jobs")
-        rows = "document.querySelectorAll('#jobs tbody tr').length"
-        self.page.wait(f"{rows} === 20")
-        self.page.value("[1, 2].forEach(() => [...document.querySelectorAll('button')].find((one) => one.textContent === 'Older').click())")
-        self.page.wait(f"{rows} === 3")
-        self.page.click("button", "Newer")  # Two clicks at once are one.
-        self.page.wait(f"{rows} === 20")
-        self.page.value("(() => { const one = document.querySelector('#jobs select'); one.value = 2; one.dispatchEvent(new Event('change')); })()")
-        self.page.wait(f"{rows} === 1")
-        self.assertIn("iteration", self.text("#jobs tbody tr"))
-        self.page.click("#jobs button", "Cancel")
-        self.page.click("#jobs button", "Cancel: click again")
-        self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
-        self.check_clean()
-
-    def test_the_list_keeps_the_focus(self):
-        job = self.submit(LARGER, *ENDLESS)
-        self.open("/#/jobs")
-        self.page.wait("document.querySelector('#jobs tbody tr')?.textContent.includes('iteration')")
-        self.page.value("document.querySelector('#jobs tbody a').focus()")
-        text = self.text("#jobs tbody tr")
-        self.page.wait(f"document.querySelector('#jobs tbody tr').textContent !== {json.dumps(text)}")
-        self.assertEqual(self.page.value("document.activeElement.hash ?? ''"), f"#/jobs/{job}")
-        self.submit(MESH, "--time-limit", "5")
-        self.page.wait("document.querySelectorAll('#jobs tbody tr').length === 2")
-        self.assertEqual(self.page.value("document.activeElement.hash ?? ''"), f"#/jobs/{job}")
-        self.assertNotIn(job, self.page.value("document.querySelector('#jobs tbody a').hash"), "the newest comes first")
-        self.page.click("#jobs tbody tr:last-child button", "Cancel")
-        self.page.click("#jobs tbody tr:last-child button", "Cancel: click again")
-        self.page.wait("[...document.querySelectorAll('#jobs button')].filter((one) => one.textContent === 'Delete').length === 2")
-        self.check_clean()
-
-    def test_one_job_at_a_time(self):
-        jobs = [self.submit(LARGER, *ENDLESS) for _ in range(2)]
-        self.open(f"/#/jobs/{jobs[0]}")
-        for i in (1, 0, 1):
-            self.page.value(f"location.hash = '#/jobs/{jobs[i]}'")
-        self.page.wait("!!document.querySelector('#state')")
-        time.sleep(2)
-        self.assertEqual(self.page.value("document.querySelectorAll('#job').length"), 1)
-        self.assertIn(jobs[1], self.text("#state"))
-        self.check_clean()
-
-    def test_names_of_files(self):
-        for name, words in (("-x.msh", "./-x.msh -o ./-x-better.msh"), ("ä" * 100 + ".msh", "ä" * 62 + ".msh")):
-            mesh = self.folder / name
-            mesh.write_text(FOLDED)
-            self.open()
-            self.look_at(mesh)
-            self.assertIn(words, self.text("#run pre"))
-        self.open()
-        self.page.drop_file(self.folder / "-x.msh", self.folder / ("ä" * 100 + ".msh"))
-        self.assertIn("2 files", self.text("#told"))
-        self.check_clean()
-
-    def test_a_job_without_a_name_of_a_file(self):
-        spec = self.ask("GET", f"/v1/jobs/{self.submit(MESH)}")[1]["job"]["spec"]
-        code, answer = self.ask("POST", "/v1/jobs", {**spec, "labels": {}})
-        self.assertEqual(code, 200, answer)
-        self.open(f"/#/{answer['job']['name']}")
-        self.page.wait("!!document.querySelector('#run pre')")
-        self.assertIn("varimesh optimise mesh.msh -o mesh-better.msh", self.text("#run pre"))
-
-    def test_another_run_keeps_what_the_form_does_not_show(self):
-        job = self.submit(CASES / "sphere_p3.msh", "--slide-on", "boundary", "--slide", "surfaces", "--priority", "7", "--max-iterations", "1")
-        self.open(f"/#/jobs/{job}")
-        self.page.wait("!!document.querySelector('#run form')", 100)
-        self.assertIn("keeps the priority, the sliding of boundary nodes of this job", self.text("#run"))
-        self.page.click("#run button", "Run with these options")
-        self.page.wait(f"!location.hash.includes('{job}')")
-        spec = self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]["spec"]
-        old = self.ask("GET", f"/v1/jobs/{job}")[1]["job"]["spec"]
-        self.assertEqual((spec["priority"], spec["geometry"]), (7, old["geometry"]))
-        self.assertEqual({**spec, "outputs": []}, {**old, "outputs": []})
-
     def test_views_that_are_left_are_forgotten(self):
         self.open()
         for _ in range(3):
@@ -265,60 +173,6 @@ class Page(WithPage):
         self.open("/#/jobs")
         self.page.wait("!!document.querySelector('#jobs tbody tr')")
         self.assertEqual(self.page.value("document.documentElement.scrollWidth"), 390)
-        self.check_clean()
-
-
-class Models(WithPage):
-    """CAD models, on a server that takes them."""
-
-    @classmethod
-    def missing(cls):
-        return "" if PLUGIN.exists() else "there is no plugin that reads CAD files"
-
-    def setUp(self):
-        os.environ["VARIMESH_OPENCASCADE"] = str(PLUGIN)
-        self.addCleanup(os.environ.pop, "VARIMESH_OPENCASCADE")
-        super().setUp()
-
-    def test_a_model_dropped_beside_a_mesh_is_what_its_boundary_slides_on(self):
-        self.open()
-        self.look_at(CASES / "geometry" / "bracket_p3.msh")
-        self.assertNotIn("--geometry", self.text("#run pre"))
-        self.page.drop_file(CASES / "geometry" / "bracket.step")
-        self.page.wait("document.querySelector('#run pre').textContent.includes('--geometry bracket.step')")
-        self.optimise()
-        self.assertIn("slid", self.text("#verdict"))
-        job = self.ask("GET", "/v1/jobs?states=JOB_STATE_SUCCEEDED", headers={})[1]["jobs"][0]
-        model = (CASES / "geometry" / "bracket.step").read_bytes()
-        self.assertEqual(job["spec"]["geometry"]["digest"], hashlib.sha256(model).hexdigest())
-        self.check_clean()
-
-    def test_the_texts_say_how_nodes_slide(self):
-        model = ("--geometry", CASES / "geometry" / "bracket.step", "--slide", "surfaces", "--snap", "--smooth-angle", "5")
-        job = self.submit(CASES / "geometry" / "bracket_p3.msh", *model, "--max-iterations", "1")
-        self.open(f"/#/jobs/{job}")
-        self.page.wait("document.querySelectorAll('#run pre').length === 2", 100)
-        self.assertIn("--geometry model.step --slide surfaces --snap --smooth-angle 5", self.text("#run pre"))
-        self.assertIn('varimesh.Geometry("model.step", slide="surfaces", snap=True, smooth_angle=5)', self.text("#run .columns"))
-
-    def test_a_straight_mesh_is_curved_in_a_later_run(self):
-        straight = self.folder / "straight.msh"
-        self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
-        self.open()
-        self.look_at(straight)
-        self.optimise()
-        self.assertTrue(self.page.value("!!document.querySelector('#model-order')"))
-
-    def test_a_straight_mesh_is_curved_with_a_model(self):
-        straight = self.folder / "straight.msh"
-        self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
-        self.open()
-        self.look_at(straight)
-        self.page.choose_file("#model", CASES / "geometry" / "bracket.step")
-        self.page.value("(() => { const one = document.querySelector('#model-order'); one.value = 2; one.dispatchEvent(new Event('input', {bubbles: true})); })()")
-        self.assertIn("varimesh curve straight.msh -o straight-better.msh --geometry bracket.step --order 2", self.text("#run pre"))
-        self.optimise()
-        self.assertIn("of order 2", self.text("#job .tiles"))
         self.check_clean()
 
 

@@ -1,0 +1,127 @@
+"""The page of --http in a headless Chromium: the form of a run, with layers and CAD models, and the texts for a terminal and Python.
+ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import hashlib
+import json
+import os
+import unittest
+from pathlib import Path
+
+from programs import CASES, FOLDED, MESH, run
+from with_page import WithPage
+
+PLUGIN = Path(os.environ["VARIMESH"]).parent / "libvarimesh_opencascade.so"
+
+
+class Form(WithPage):
+    def test_names_of_files(self):
+        for name, words in (("-x.msh", "./-x.msh -o ./-x-better.msh"), ("ä" * 100 + ".msh", "ä" * 62 + ".msh")):
+            mesh = self.folder / name
+            mesh.write_text(FOLDED)
+            self.open()
+            self.look_at(mesh)
+            self.assertIn(words, self.text("#run pre"))
+        self.open()
+        self.page.drop_file(self.folder / "-x.msh", self.folder / ("ä" * 100 + ".msh"))
+        self.assertIn("2 files", self.text("#told"))
+        self.check_clean()
+
+    def test_a_job_without_a_name_of_a_file(self):
+        spec = self.ask("GET", f"/v1/jobs/{self.submit(MESH)}")[1]["job"]["spec"]
+        code, answer = self.ask("POST", "/v1/jobs", {**spec, "labels": {}})
+        self.assertEqual(code, 200, answer)
+        self.open(f"/#/{answer['job']['name']}")
+        self.page.wait("!!document.querySelector('#run pre')")
+        self.assertIn("varimesh optimise mesh.msh -o mesh-better.msh", self.text("#run pre"))
+
+    def test_another_run_keeps_what_the_form_does_not_show(self):
+        job = self.submit(CASES / "sphere_p3.msh", "--slide-on", "boundary", "--slide", "surfaces", "--priority", "7", "--max-iterations", "1")
+        self.open(f"/#/jobs/{job}")
+        self.page.wait("!!document.querySelector('#run form')", 100)
+        self.assertIn("keeps the priority, the sliding of boundary nodes of this job", self.text("#run"))
+        self.page.click("#run button", "Run with these options")
+        self.page.wait(f"!location.hash.includes('{job}')")
+        spec = self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]["spec"]
+        old = self.ask("GET", f"/v1/jobs/{job}")[1]["job"]["spec"]
+        self.assertEqual((spec["priority"], spec["geometry"]), (7, old["geometry"]))
+        self.assertEqual({**spec, "outputs": []}, {**old, "outputs": []})
+
+    def set_field(self, id, value):
+        self.page.value(f"(() => {{ const one = document.getElementById({json.dumps(id)}); one.value = {json.dumps(value)}; "
+                        "one.dispatchEvent(new Event('input', {bubbles: true})); })()")
+
+    def test_layers_are_what_the_command_makes(self):
+        self.open()
+        self.look_at(MESH)
+        self.assertIn("The boundary of this mesh has boundary.", self.text("#run"))
+        for id, value in (("layer-walls", "boundary"), ("layer-grow", "0.05"), ("layer-layers", "3"), ("layer-first", "0.005"), ("option-layerSpacing", "LAYER_SPACING_EVEN")):
+            self.set_field(id, value)
+        words = "--layer-spacing even --wall boundary --layers 3 --first 0.005 --grow 0.05"
+        self.assertIn(f"varimesh optimise nine_triangles.msh -o nine_triangles-better.msh {words}", self.text("#run pre"))
+        self.assertIn('layers=varimesh.Layers(["boundary"], layers=3, first=0.005, grow=0.05)', self.text("#run .columns"))
+        self.optimise()
+        expected = self.folder / "expected.msh"
+        done = run("optimise", MESH, "-o", expected, *words.split())
+        self.assertIn(done.returncode, (0, 4), done.stderr)
+        self.page.click("#downloads button", "Download")
+        self.assertEqual(self.downloaded("nine_triangles-better.msh"), expected.read_bytes())
+        self.assertEqual(self.page.value("document.getElementById('layer-walls').value"), "boundary", "for the next run")
+        self.assertEqual(self.page.value("document.getElementById('option-layerSpacing').value"), "LAYER_SPACING_EVEN")
+        self.check_clean()
+
+
+class Models(WithPage):
+    """CAD models, on a server that takes them."""
+
+    @classmethod
+    def missing(cls):
+        return "" if PLUGIN.exists() else "there is no plugin that reads CAD files"
+
+    def setUp(self):
+        os.environ["VARIMESH_OPENCASCADE"] = str(PLUGIN)
+        self.addCleanup(os.environ.pop, "VARIMESH_OPENCASCADE")
+        super().setUp()
+
+    def test_a_model_dropped_beside_a_mesh_is_what_its_boundary_slides_on(self):
+        self.open()
+        self.look_at(CASES / "geometry" / "bracket_p3.msh")
+        self.assertNotIn("--geometry", self.text("#run pre"))
+        self.page.drop_file(CASES / "geometry" / "bracket.step")
+        self.page.wait("document.querySelector('#run pre').textContent.includes('--geometry bracket.step')")
+        self.optimise()
+        self.assertIn("slid", self.text("#verdict"))
+        job = self.ask("GET", "/v1/jobs?states=JOB_STATE_SUCCEEDED", headers={})[1]["jobs"][0]
+        model = (CASES / "geometry" / "bracket.step").read_bytes()
+        self.assertEqual(job["spec"]["geometry"]["digest"], hashlib.sha256(model).hexdigest())
+        self.check_clean()
+
+    def test_the_texts_say_how_nodes_slide(self):
+        model = ("--geometry", CASES / "geometry" / "bracket.step", "--slide", "surfaces", "--snap", "--smooth-angle", "5")
+        job = self.submit(CASES / "geometry" / "bracket_p3.msh", *model, "--max-iterations", "1")
+        self.open(f"/#/jobs/{job}")
+        self.page.wait("document.querySelectorAll('#run pre').length === 2", 100)
+        self.assertIn("--geometry model.step --slide surfaces --snap --smooth-angle 5", self.text("#run pre"))
+        self.assertIn('varimesh.Geometry("model.step", slide="surfaces", snap=True, smooth_angle=5)', self.text("#run .columns"))
+
+    def test_a_straight_mesh_is_curved_in_a_later_run(self):
+        straight = self.folder / "straight.msh"
+        self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
+        self.open()
+        self.look_at(straight)
+        self.optimise()
+        self.assertTrue(self.page.value("!!document.querySelector('#model-order')"))
+
+    def test_a_straight_mesh_is_curved_with_a_model(self):
+        straight = self.folder / "straight.msh"
+        self.assertEqual(run("optimise", CASES / "geometry" / "bracket_p3.msh", "-o", straight, "--order", 1, "--max-iterations", 0).returncode, 0)
+        self.open()
+        self.look_at(straight)
+        self.page.choose_file("#model", CASES / "geometry" / "bracket.step")
+        self.page.value("(() => { const one = document.querySelector('#model-order'); one.value = 2; one.dispatchEvent(new Event('input', {bubbles: true})); })()")
+        self.assertIn("varimesh curve straight.msh -o straight-better.msh --geometry bracket.step --order 2", self.text("#run pre"))
+        self.optimise()
+        self.assertIn("of order 2", self.text("#job .tiles"))
+        self.check_clean()
+
+
+if __name__ == "__main__":
+    unittest.main()
