@@ -6,8 +6,9 @@ import os
 import unittest
 from pathlib import Path
 
-from programs import CASES, FOLDED, MESH, run
 from with_page import WithPage
+
+from programs import CASES, FOLDED, MESH, run
 
 PLUGIN = Path(os.environ["VARIMESH"]).parent / "libvarimesh_opencascade.so"
 
