@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 namespace varimesh::server {
 namespace {
 
@@ -63,11 +66,11 @@ TEST(Receivers, HaveOrigins) {
 }
 
 TEST(Receivers, OfAWrongLineAreRefusedWithItsNumber) {
-  for (const std::string& line :
-       {std::string("https://ci.example.org"), "https://ci.example.org secret", "https://ci.example.org whsec_c2hvcnQ=",
-        "https://ci.example.org whsec_****", "https://ci.example.org " + kKey + " public",
-        "https://ci.example.org " + kKey + " private more", "https://ci.example.org/path " + kKey,
-        "ci.example.org " + kKey, "http://ci.example.org " + kKey, "https://*.example.org " + kKey}) {
+  for (const std::string& line : std::vector<std::string>{
+           "https://ci.example.org", "https://ci.example.org secret", "https://ci.example.org whsec_c2hvcnQ=",
+           "https://ci.example.org whsec_****", "https://ci.example.org " + kKey + " public",
+           "https://ci.example.org " + kKey + " private more", "https://ci.example.org/path " + kKey,
+           "ci.example.org " + kKey, "http://ci.example.org " + kKey, "https://*.example.org " + kKey}) {
     const auto receivers = Receivers::parse("\n" + line + "\n");
     ASSERT_FALSE(receivers) << line;
     EXPECT_EQ(receivers.error().sentence.rfind("Line 2 of the file of --webhooks ", 0), 0U)
