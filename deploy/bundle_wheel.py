@@ -51,9 +51,18 @@ def set_library_path(file, path):
     subprocess.run(["patchelf", "--force-rpath", "--set-rpath", path, str(file)], check=True)
 
 
-def copy_licences(stage, files):
+def copy_libraries(files, folder):
+    """Copies the libraries that the files load into the folder, and returns where they came from."""
+    libraries = dict(sorted({found for file in files for found in needed(file)}))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, path in libraries.items():
+        shutil.copy(path.resolve(), folder / name)
+        set_library_path(folder / name, "$ORIGIN")
+    return [*libraries.values()]
+
+
+def copy_licences(folder, files):
     """The copyright files of the Debian packages that own the files."""
-    folder = stage / "varimesh" / "licences"
     folder.mkdir()
     for file in files:
         # A library's package knows it under /usr/lib or /lib.
@@ -75,6 +84,15 @@ def describe(stage, version):
     project.write_text(text)
 
 
+def build_wheel(stage, out):
+    """Builds the wheel and returns its path. Programs of this kind of machine are inside. The tag names no Python, because
+    no other needs the module of one."""
+    build = ("import sys; from setuptools import build_meta; "
+             "print(build_meta.build_wheel(sys.argv[1], {'--build-option': ['--plat-name=linux_x86_64']}))")
+    done = subprocess.run([sys.executable, "-c", build, str(out)], cwd=stage, check=True, stdout=subprocess.PIPE, text=True)
+    return out / done.stdout.split()[-1]
+
+
 def newest_glibc(files):
     versions = {tuple(map(int, found.split("."))) for file in files
                 for found in re.findall(r"GLIBC_(\d+\.\d+)", output("objdump", "-p", file))}
@@ -90,23 +108,15 @@ def main(package, varimeshd, out, *more):
     for copy, program in programs.items():
         output("strip", "-o", copy, program)
     machine_code = copy_modules(stage)
-    libraries = dict(sorted({found for file in (*programs.values(), machine_code) for found in needed(file)}))
-    (stage / LIBRARIES).mkdir()
-    for name, path in libraries.items():
-        shutil.copy(path.resolve(), stage / LIBRARIES / name)
-        set_library_path(stage / LIBRARIES / name, "$ORIGIN")
+    libraries = copy_libraries([*programs.values(), machine_code], stage / LIBRARIES)
     for copy in programs:
         set_library_path(copy, "$ORIGIN/../lib")
     set_library_path(machine_code, "$ORIGIN/../../../lib")
-    copy_licences(stage, [*libraries.values(), Path(grpc.__file__), Path(google.protobuf.__file__)])
+    copy_licences(stage / "varimesh" / "licences", [*libraries, Path(grpc.__file__), Path(google.protobuf.__file__)])
     describe(stage, f"{sys.version_info.major}.{sys.version_info.minor}")
-    # Programs of this kind of machine are inside. The tag names no Python, because no other needs the module of one.
-    build = ("import sys; from setuptools import build_meta; "
-             "build_meta.build_wheel(sys.argv[1], {'--build-option': ['--plat-name=linux_x86_64']})")
-    subprocess.run([sys.executable, "-c", build, str(out)], cwd=stage, check=True, stdout=subprocess.DEVNULL)
-    (name,) = (path.name for path in out.glob("*.whl"))
+    wheel = build_wheel(stage, out)
     inside = [*programs, machine_code, *(stage / LIBRARIES).iterdir()]
-    print(f"{out / name}: {(out / name).stat().st_size / 1e6:.0f} MB; needs glibc {newest_glibc(inside)} or newer, and numpy; "
+    print(f"{wheel}: {wheel.stat().st_size / 1e6:.0f} MB; needs glibc {newest_glibc(inside)} or newer, and numpy; "
           f"gRPC and Protobuf for Python {sys.version_info.major}.{sys.version_info.minor} are inside")
     shutil.rmtree(stage)
 

@@ -22,11 +22,10 @@ std::string reader_path(const std::string& plugin) {
 Expected<void> check_plugin(const std::string& what) {
   const std::string plugin = plugin_path();
   if (plugin.empty())
-    return bad_option(
-        what +
-        " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
-        "is neither beside the program nor named by VARIMESH_OPENCASCADE. Install the package varimesh-geometry, or "
-        "build VariMesh after 'deploy/setup geometry'.");
+    return bad_option(what +
+                      " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
+                      "is neither beside the program nor named by VARIMESH_OPENCASCADE. Install the package or wheel "
+                      "varimesh-geometry, or build VariMesh after 'deploy/setup geometry'.");
   if (::access(reader_path(plugin).c_str(), X_OK) == 0) return {};
   return bad_option(what + " cannot be read, because the program '" + reader_path(plugin) +
                     "', which reads CAD files, is missing; install VariMesh again.");

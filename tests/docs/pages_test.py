@@ -51,6 +51,7 @@ NOT_HERE = {
     ("corpus.md", "tests/bench/corpus"): "minutes; tests/bench/published/corpus_test.py runs the short form",
     ("paper.md", "tests/bench/paper"): "an hour; tests/bench/figures/paper_test.py runs the short form",
     ("python.md", "deploy/make-wheel"): "deploy/test-wheel does this on a bare Debian",
+    ("python.md", "venv/bin/pip"): "needs the wheels; tests/client/python/wheel_test.py makes and installs both",
     ("python.md", "cmake --build"): "the build tree of whoever reads; the tests import the package from theirs",
 }
 

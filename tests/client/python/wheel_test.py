@@ -56,6 +56,88 @@ class Wheel(support.WithFolder):
         subprocess.run([sys.executable, "-c", program], check=True)
 
 
+# Makes a sphere and a straight mesh of it.
+SPHERE = """
+import gmsh
+gmsh.initialize(["", "-v", "1"])
+gmsh.model.occ.addSphere(0, 0, 0, 1)
+gmsh.model.occ.synchronize()
+gmsh.write("sphere.step")
+for option, value in ("MeshSizeMin", 0.6), ("MeshSizeMax", 0.6), ("SaveAll", 1):
+    gmsh.option.setNumber("Mesh." + option, value)
+gmsh.model.mesh.generate(3)
+gmsh.write("straight.msh")
+"""
+
+# Curves the mesh, and says which package did so and how far the nodes of the boundary's elements are from the sphere.
+CURVE = """
+import gmsh
+import numpy as np
+import varimesh
+with varimesh.local(processes=True) as client:
+    result = client.optimise("straight.msh", "curved.msh", geometry=varimesh.Geometry("sphere.step", order=3))
+gmsh.initialize(["", "-v", "1"])
+gmsh.open("curved.msh")
+radii = np.linalg.norm(gmsh.model.mesh.getNodes(2, includeBoundary=True)[1].reshape(-1, 3), axis=1)
+print(varimesh.__file__, result.valid, len(radii), abs(radii - 1).max())
+"""
+
+
+class GeometryWheel(support.WithFolder):
+    """Both wheels of deploy/make-wheel, in an environment of their own."""
+
+    def bundle(self, script, *arguments):
+        done = subprocess.run([sys.executable, support.SOURCE / "deploy" / script, *arguments], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr[-2000:])
+
+    def in_environment(self, *command):
+        """Runs a program without what the tests say of the build tree."""
+        kept = {name: value for name, value in os.environ.items()
+                if not name.startswith("VARIMESH") and name not in ("PYTHONPATH", "LD_LIBRARY_PATH")}
+        return subprocess.run([str(word) for word in command], cwd=self.folder, capture_output=True, text=True,
+                              env={**kept, **PROXIES})
+
+    def test_curves_a_sphere_and_can_be_removed(self):
+        command, out, venv = Path(support.VARIMESH), self.folder / "out", self.folder / "venv"
+        programs = command.parent.parent / "lib" / "varimesh"
+        out.mkdir()
+        self.bundle("bundle_wheel.py", PACKAGE, support.VARIMESHD, out, command, programs / "varimesh_worker")
+        self.bundle("bundle_geometry_wheel.py", PACKAGE, command.parent / "libvarimesh_opencascade.so",
+                    command.parent / "varimesh_cad_reader", out)
+        self.assertEqual(len(list(out.iterdir())), 2)
+        subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", venv], check=True)
+        pip, python = venv / "bin" / "pip", venv / "bin" / "python"
+        (main,), (geometry,) = out.glob("varimesh-*.whl"), out.glob("varimesh_geometry-*.whl")
+        done = self.in_environment(pip, "install", "--no-index", main)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        (site,) = (venv / "lib").glob("python3*/site-packages")
+        varimesh = site / "varimesh" / "bin" / "varimesh"
+        before = {path for path in site.rglob("*")}
+        self.assertIn("missing", self.in_environment(varimesh, "doctor").stdout.split("CAD plugin")[1].splitlines()[0])
+        done = self.in_environment(pip, "install", "--no-index", geometry)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        said = self.in_environment(varimesh, "doctor").stdout
+        self.assertIn(f"ok  CAD plugin       {site}/varimesh/lib/varimesh/", said)
+        loaded = self.in_environment("ldd", site / "varimesh" / "lib" / "varimesh" / "varimesh_cad_reader").stdout
+        self.assertRegex(loaded, f"libTKernel.so.* => {site}")  # not those of the system
+
+        made = self.in_environment(sys.executable, "-c", SPHERE)
+        self.assertEqual(made.returncode, 0, made.stderr)
+        done = self.in_environment(python, "-c", CURVE)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        where, valid, nodes, distance = done.stdout.split()
+        self.assertEqual((where, valid), (str(site / "varimesh" / "__init__.py"), "True"))
+        self.assertGreater(int(nodes), 100)
+        self.assertLess(float(distance), 1e-12)
+        done = self.in_environment(varimesh, "curve", "straight.msh", "--geometry", "sphere.step", "--order", "3", "-o",
+                                   "command.msh", "--quiet")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual((self.folder / "command.msh").read_bytes(), (self.folder / "curved.msh").read_bytes())
+
+        self.in_environment(pip, "uninstall", "--yes", "varimesh-geometry")
+        self.assertEqual({path for path in site.rglob("*")} ^ before, set())
+
+
 class Types(support.WithFolder):
     def test_mypy_accepts_the_package_and_finds_a_wrong_option(self):
         """In the method and in the function without a client, which have the same types."""
@@ -92,4 +174,9 @@ class Types(support.WithFolder):
 
 
 if __name__ == "__main__":
-    support.main(Wheel={"python3-setuptools": "setuptools", "python3-wheel": "wheel"}, Types={"mypy": "mypy"})
+    build = {"python3-setuptools": "setuptools", "python3-wheel": "wheel"}
+    if sys.argv[1:] == ["GeometryWheel"] and not (Path(support.VARIMESH).parent / "libvarimesh_opencascade.so").exists():
+        support.skip("VariMesh was built without OpenCASCADE")
+    support.main(Wheel=build, Types={"mypy": "mypy"},
+                 GeometryWheel={**build, "patchelf": "patchelf", "binutils": "strip", "python3-venv": "ensurepip",
+                                "python3-gmsh": "gmsh"})
