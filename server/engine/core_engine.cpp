@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/association/association.h"
+#include "core/association/plane/profile.h"
 #include "core/base/io/allowance.h"
 #include "core/base/stop_token.h"
 #include "core/base/stopwatch.h"
@@ -213,20 +214,25 @@ Expected<std::optional<LayerOptions>> layers_of(const RunRequest& request) {
   return std::optional(std::move(*options));
 }
 
-/// The mesh with its CAD model, if normals of walls are to be found on it. Without a model, in the plane, and if the
-/// mesh does not fit, which the run says later, there is none. Throws Interrupted if the team's token says so.
-std::optional<Association> associated(const HighOrderMesh& mesh, const geometry::CadModel* model, const Team& team) {
-  if (model == nullptr || mesh.dimension != 3) return std::nullopt;
+/// The mesh with its CAD model, if normals of walls are to be found on it. Without a model, in a plane that is not
+/// z = constant, and if the mesh does not fit, which the run says later, there is none. Throws Interrupted if the
+/// team's token says so.
+std::optional<Association> associated(const CheckedMesh& of, const geometry::CadModel* model, const Team& team) {
+  if (model == nullptr || of.plane) return std::nullopt;
   const auto geometry = model->geometry();
   if (!geometry) return std::nullopt;
+  const HighOrderMesh& mesh = of.mesh;
   Expected<Association> found;
-  team.run([&] { found = associate(mesh, *geometry, team); });
+  team.run([&] {
+    found = mesh.dimension == 2 ? associate_in_plane(mesh, *geometry, team) : associate(mesh, *geometry, team);
+  });
   return found ? std::optional(std::move(*found)) : std::nullopt;
 }
 
 /// Grows thick cells on the walls, if that is wanted, and takes the time from the time limit. `metrics` gets what came
-/// of it. If the run is stopped, or the time limit passes, the mesh stays as it came. Returns how thick the cells are,
-/// or nothing if the mesh cannot have the layers that are wanted for this reason.
+/// of it. If the run is stopped, or the time limit passes before a layer can be made in haste, the mesh stays as it
+/// came. Returns how thick the cells are, or nothing if the mesh cannot have the layers that are wanted for this
+/// reason.
 Expected<std::optional<ThicknessShares>> grow_thick_cells(CheckedMesh& mesh, const std::optional<LayerOptions>& layers,
                                                           RunRequest& request, const RunHooks& hooks,
                                                           v1::Metrics& metrics) {
@@ -240,7 +246,7 @@ Expected<std::optional<ThicknessShares>> grow_thick_cells(CheckedMesh& mesh, con
   team.set_stop(&stop);
   Expected<GrownLayer> grown;
   try {
-    const auto model = associated(mesh.mesh, request.model.get(), team);
+    const auto model = associated(mesh, request.model.get(), team);
     grown = grow_layer(mesh, layers->walls, layers->grow, team, model ? &*model : nullptr);
   } catch (const Interrupted&) {
     const bool was_late = stop.reason() == StopToken::Reason::TimeLimit;

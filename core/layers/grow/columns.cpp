@@ -91,9 +91,9 @@ Expected<GrowthColumns> GrowthColumns::find(const CheckedMesh& checked, std::spa
       return bad_input("No layer can grow at node " + std::to_string(mesh.node_numbers[at(vertex)]) + " of the wall. " +
                        (freedoms.of(vertex).count == mesh.dimension
                             ? "Elements of the wall around it face in opposite directions."
-                            : "The wall ends there at a boundary or an interface that is curved, that has corners, "
-                              "that is periodic by a rotation, or that goes on in the direction of the wall. If it "
-                              "goes on, name it as a wall too."));
+                            : "The wall ends there at a boundary or an interface that has corners, that is periodic by "
+                              "a rotation, or that goes on in the direction of the wall. If it goes on, name it as a "
+                              "wall too. If the mesh is a straight one of a curved boundary, curve it first."));
     const double asked = thickness / std::max(least, kMostLean);
     found.column_of_[at(vertex)] = static_cast<std::int32_t>(found.columns_.size());
     found.columns_.push_back({vertex, direction, least, asked, asked});
@@ -141,6 +141,11 @@ void GrowthColumns::limit() {
       lower(b, a.length * b.asked / a.asked + steepest);
     }
   }
+}
+
+void GrowthColumns::cap(const std::function<double(std::int32_t vertex)>& longest) {
+  for (GrowthColumn& column : columns_) column.length = std::min(column.length, longest(column.vertex));
+  limit();
 }
 
 void GrowthColumns::shorten(std::span<const std::int32_t> vertices) {

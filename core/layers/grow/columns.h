@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -37,6 +38,8 @@ class GrowthColumns {
   /// The column of a node; null if it is no vertex of the wall.
   const GrowthColumn* at_node(std::int32_t node) const;
 
+  /// Shortens columns to a length by vertex and, less, those around them.
+  void cap(const std::function<double(std::int32_t vertex)>& longest);
   /// Shortens columns at these vertices and, less, those around them.
   void shorten(std::span<const std::int32_t> vertices);
   /// The smallest length over what is asked for.

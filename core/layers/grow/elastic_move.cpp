@@ -84,7 +84,7 @@ double ElasticMove::quality(const Corner& corner, const Places& places) const {
   return determinant(edges, dimension_) / std::pow(size, 0.5 * dimension_);
 }
 
-int ElasticMove::steps(std::span<const Push> pushes) const {
+std::vector<double> ElasticMove::heights() const {
   std::vector<double> height(came_.size(), std::numeric_limits<double>::infinity());
   for (const Corner& corner : corners_)
     for (int v = 0; v <= dimension_; ++v) {
@@ -94,6 +94,11 @@ int ElasticMove::steps(std::span<const Push> pushes) const {
       double& least = height[at(corner.nodes[at(v)])];
       least = std::min(least, std::abs(normal.normalized().dot(x(0) - x(1))));
     }
+  return height;
+}
+
+int ElasticMove::steps(std::span<const Push> pushes) const {
+  const std::vector<double> height = heights();
   double most = 1;
   for (const Push& push : pushes) most = std::max(most, push.by.norm() / (kShareOfHeight * height[at(push.vertex)]));
   return static_cast<int>(std::ceil(std::min<double>(most, kMostSteps)));

@@ -27,6 +27,9 @@ class ElasticMove {
   /// The cells of the mesh must be numbered counter-clockwise.
   ElasticMove(const HighOrderMesh& mesh, const Freedoms& freedoms);
 
+  /// By node: the least height of a cell above it; infinite if it is no vertex of a cell.
+  std::vector<double> heights() const;
+
   struct Outcome {
     /// By node, for vertices of cells.
     std::vector<Eigen::Vector3d> displacements;

@@ -7,7 +7,7 @@
 
 #include "core/base/index.h"
 #include "core/layers/facet_table.h"
-#include "core/reference/nodes.h"
+#include "core/layers/grow/outer_facets.h"
 
 namespace varimesh::detail {
 namespace {
@@ -16,8 +16,8 @@ using Vector = Eigen::Vector3d;
 
 /// Two planes are the same if the sine of their angle is at most this.
 constexpr double kSamePlane = 1e-4;
-/// An element is plane if its nodes are at most this share of its size off its plane.
-constexpr double kPlane = 1e-6;
+/// A periodic link is a translation if its pairs differ by at most this share of it.
+constexpr double kSameShift = 1e-6;
 
 /// What lies around a vertex on the boundary.
 struct Around {
@@ -83,59 +83,14 @@ struct Around {
   }
 };
 
-/// The unit normal of a facet, and whether the facet is plane.
-struct Side {
-  Vector normal;
-  bool is_plane = true;
-};
-
-Side side_of(const HighOrderMesh& mesh, Shape shape, std::span<const std::int32_t> nodes) {
-  const Vector from = point(mesh, nodes[0]), a = point(mesh, nodes[1]) - from;
-  const bool is_line = shape == Shape::Line;
-  const Vector b = is_line ? Vector(0, 0, 1) : Vector(point(mesh, nodes[2]) - from);
-  const double size = std::max(a.norm(), is_line ? 0 : b.norm());
-  Side side{a.cross(b).normalized(), true};
-  for (const std::int32_t node : nodes)
-    side.is_plane = side.is_plane && std::abs((point(mesh, node) - from).dot(side.normal)) <= kPlane * size;
-  return side;
-}
-
-/// The facets of the boundary, of walls and of interfaces, each once.
-struct OuterFacet {
-  std::vector<std::int32_t> vertices;
-  Side side;
-  int entity = 0;
-  bool is_wall = false;
-};
-
-std::vector<OuterFacet> outer_facets(const CheckedMesh& checked, std::span<const WallElement> walls) {
-  const HighOrderMesh& mesh = checked.mesh;
-  const Facets& facets = checked.facets;
-  std::set<std::int32_t> wall_facets;
-  for (const WallElement& wall : walls) wall_facets.insert(wall.facet);
-  const Cells elements(mesh, mesh.dimension - 1), cells(mesh, mesh.dimension);
-  std::map<std::int32_t, int> entity_of;  // by facet, if it has an element
-  for (const auto& [facet, element] : facets.elements) entity_of[facet] = elements.range_of(at(element)).block->entity;
-  std::vector<OuterFacet> found;
-  for (std::size_t cell = 0; cell < cells.count(); ++cell)
-    for (std::int32_t facet = facets.first[cell]; facet < facets.first[cell + 1]; ++facet) {
-      const auto entity = entity_of.find(facet);
-      const bool is_inside = facets.neighbour[at(facet)] >= 0;
-      if (is_inside && (entity == entity_of.end() || facets.opposite[at(facet)] < facet)) continue;
-      const int local = facet - facets.first[cell];
-      const Shape shape = reference::info(cells.shape(cell)).facets[at(local)].shape;
-      std::vector<std::int32_t> nodes;
-      for (const int k : reference::facet_nodes(cells.shape(cell), mesh.order, local))
-        nodes.push_back(cells.nodes(cell)[at(k)]);
-      OuterFacet outer{{}, side_of(mesh, shape, nodes), 0, wall_facets.contains(facet)};
-      if (entity != entity_of.end()) outer.entity = entity->second;
-      outer.vertices.assign(nodes.begin(), nodes.begin() + reference::info(shape).vertices);
-      found.push_back(std::move(outer));
-    }
-  return found;
-}
-
 }  // namespace
+
+Freedom Freedom::in(std::span<const Vector> directions) {
+  Freedom freedom;
+  freedom.count = static_cast<int>(directions.size());
+  std::ranges::copy(directions, freedom.along.begin());
+  return freedom;
+}
 
 Vector Freedom::project(const Vector& displacement) const {
   Vector sum = Vector::Zero();
@@ -143,25 +98,23 @@ Vector Freedom::project(const Vector& displacement) const {
   return sum;
 }
 
-Freedoms::Freedoms(const CheckedMesh& checked, std::span<const WallElement> walls) {
-  const HighOrderMesh& mesh = checked.mesh;
+Freedoms::Freedoms(const HighOrderMesh& mesh, std::span<const OuterFacet> outer, const CurvedSides& sides) {
   find_masters(mesh);
-  const std::vector<OuterFacet> outer = outer_facets(checked, walls);
   std::map<std::int32_t, Around> around;  // by the first of vertices that move alike
   std::map<std::vector<std::int32_t>, std::vector<const OuterFacet*>>
       at_sides;  // vertices of the plane, edges in space
   for (const OuterFacet& facet : outer) {
-    const std::size_t count = facet.vertices.size();
-    for (std::size_t v = 0; v < count; ++v) {
-      Around& here = around[master(facet.vertices[v])];
+    const auto vertices = facet.corners();
+    for (std::size_t v = 0; v < vertices.size(); ++v) {
+      Around& here = around[master(vertices[v])];
       if (facet.is_wall)
         here.is_on_wall = true;
-      else if (facet.side.is_plane)
-        here.add(facet.side.normal, facet.entity);
+      else if (facet.is_plane)
+        here.add(facet.normal, facet.entity);
       else
         here.is_curved = true;
-      std::vector<std::int32_t> side{facet.vertices[v]};
-      if (mesh.dimension == 3) side.push_back(facet.vertices[(v + 1) % count]);
+      std::vector<std::int32_t> side{vertices[v]};
+      if (mesh.dimension == 3) side.push_back(vertices[(v + 1) % vertices.size()]);
       std::ranges::sort(side);
       at_sides[side].push_back(&facet);
     }
@@ -170,7 +123,7 @@ Freedoms::Freedoms(const CheckedMesh& checked, std::span<const WallElement> wall
     const bool is_rim = facets.size() == 1 && !facets[0]->is_wall;  // the end of an interface inside the mesh
     const bool is_border = mesh.dimension == 3 && facets.size() == 2 && !facets[0]->is_wall && !facets[1]->is_wall &&
                            facets[0]->entity != facets[1]->entity &&
-                           facets[0]->side.normal.cross(facets[1]->side.normal).norm() <= kSamePlane;
+                           facets[0]->normal.cross(facets[1]->normal).norm() <= kSamePlane;
     for (const std::int32_t vertex : side) {
       Around& here = around[master(vertex)];
       if (is_rim && !here.is_on_wall) stays_[at(master(vertex))] = 1;
@@ -185,7 +138,8 @@ Freedoms::Freedoms(const CheckedMesh& checked, std::span<const WallElement> wall
     for (std::size_t k = 0; k < block.nodes.size(); ++k) {
       if (k % stride > 1) continue;  // a line has two vertices
       const Around& here = around[master(block.nodes[k])];
-      const bool is_on_border = dimension == 1 && (here.faces.size() > 1 || !here.borders.empty());
+      const bool is_on_border = dimension == 1 && (here.faces.size() > 1 || !here.borders.empty() ||
+                                                   sides.is_between(master(block.nodes[k])));
       if (!here.is_on_wall && !is_on_border) stays_[at(master(block.nodes[k]))] = 1;
     }
   }
@@ -193,6 +147,7 @@ Freedoms::Freedoms(const CheckedMesh& checked, std::span<const WallElement> wall
   for (std::size_t n = 0; n < mesh.node_count(); ++n) {
     const auto found = around.find(master_[n]);
     if (found != around.end()) freedoms_[n] = found->second.freedom(mesh.dimension);
+    if (sides.has(master_[n])) freedoms_[n] = Freedom::in(sides.directions(master_[n]));
     if (stays_[at(master_[n])] != 0) freedoms_[n] = {};
   }
 }
@@ -211,7 +166,7 @@ void Freedoms::find_masters(const HighOrderMesh& mesh) {
     };
     const Vector by = shift(link.nodes.front());
     const bool is_translation = std::ranges::all_of(
-        link.nodes, [&](const auto& pair) { return (shift(pair) - by).norm() <= kPlane * by.norm(); });
+        link.nodes, [&](const auto& pair) { return (shift(pair) - by).norm() <= kSameShift * by.norm(); });
     for (const auto& [node, image] : link.nodes) {
       const auto [low, high] = std::minmax({first(node), first(image)});
       if (is_translation)

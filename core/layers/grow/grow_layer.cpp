@@ -10,9 +10,11 @@
 #include "core/base/index.h"
 #include "core/layers/facet_table.h"
 #include "core/layers/grow/columns.h"
+#include "core/layers/grow/curved_sides.h"
 #include "core/layers/grow/elastic_move.h"
 #include "core/layers/grow/freedom.h"
 #include "core/layers/grow/grown_mesh.h"
+#include "core/layers/grow/outer_facets.h"
 #include "core/layers/walls.h"
 #include "core/validity/certifier.h"
 #include "core/validity/orientation.h"
@@ -29,6 +31,9 @@ constexpr double kThinnest = 1e-3;
 constexpr double kRounding = 1e-13;
 /// A layer has its full thickness if it has this share of it.
 constexpr double kFull = 0.95;
+/// If there is no time to move cells away, columns have at most this share of the height of the cells at the wall.
+constexpr double kHastyShare = 0.3;
+constexpr int kMostHastyAttempts = 6;
 
 /// The mesh with all cells numbered counter-clockwise, and which of them came otherwise.
 struct Turned {
@@ -167,41 +172,120 @@ void describe(const HighOrderMesh& mesh, std::span<const detail::WallElement> wa
   grown.sentence = text.str();
 }
 
-Expected<GrownLayer> grow(Turned& turned, std::span<const std::string> names, double thickness,
-                          const Association* model, const Team& team) {
+/// Tries columns, shorter ones each time, until no cell is spoilt.
+class Growth {
+ public:
+  Growth(Turned& turned, std::span<const detail::WallElement> walls, const detail::CurvedSides& sides,
+         const detail::Freedoms& freedoms, detail::GrowthColumns columns, double thickness)
+      : turned_(turned),
+        mesh_(turned.checked.mesh),
+        walls_(walls),
+        sides_(sides),
+        columns_(std::move(columns)),
+        thickness_(thickness),
+        body_(mesh_, freedoms),
+        nearest_(mesh_, columns_) {}
+
+  /// Cells beyond the layer move away. The team's token may interrupt this.
+  Expected<GrownLayer> at_leisure(const Team& team) {
+    valid_ = certified(mesh_, team);
+    for (int attempt = 0; has_room(); ++attempt) {
+      auto moved = body_.move(pushes(), team.stop());
+      Nodes spoilt_vertices = std::move(moved.crushed);
+      if (spoilt_vertices.empty()) {
+        auto made = make(std::move(moved.displacements));
+        if (!made) return tl::unexpected(made.error());
+        spoilt_vertices = spoilt(*made, mesh_, valid_, team);
+        if (spoilt_vertices.empty() || attempt >= kMostAttempts) return grown(std::move(*made), team);
+      }
+      columns_.shorten(nearest_.to(spoilt_vertices));
+    }
+    return no_room();
+  }
+
+  /// Only the vertices of the walls move, so the layer is thinner than the cells there.
+  Expected<GrownLayer> in_haste(const Team& team) {
+    const std::vector<double> heights = body_.heights();
+    columns_.cap([&](std::int32_t vertex) { return kHastyShare * heights[at(vertex)]; });
+    valid_ = certified(mesh_, team);
+    for (int attempt = 0; attempt < kMostHastyAttempts && has_room(); ++attempt) {
+      std::vector<Eigen::Vector3d> displacements(mesh_.node_count(), Eigen::Vector3d::Zero());
+      for (const detail::Push& push : pushes()) displacements[at(push.vertex)] = push.by;
+      auto made = make(std::move(displacements));
+      if (!made) return tl::unexpected(made.error());
+      const Nodes spoilt_vertices = spoilt(*made, mesh_, valid_, team);
+      if (spoilt_vertices.empty()) {
+        GrownLayer layer = grown(std::move(*made), team);
+        layer.sentence +=
+            " The time limit passed while it grew, so no cells moved away, and it is thinner than it could be.";
+        return layer;
+      }
+      columns_.shorten(nearest_.to(spoilt_vertices));
+    }
+    throw Interrupted();
+  }
+
+ private:
+  bool has_room() const { return columns_.shortest().length > kThinnest * columns_.shortest().asked; }
+
+  std::vector<detail::Push> pushes() const {
+    std::vector<detail::Push> found;
+    for (const detail::GrowthColumn& column : columns_.columns())
+      found.push_back({column.vertex, column.length * column.direction});
+    return found;
+  }
+
+  Expected<HighOrderMesh> make(std::vector<Eigen::Vector3d> displacements) const {
+    for (std::size_t n = 0; n < displacements.size(); ++n) {
+      const auto node = static_cast<std::int32_t>(n);
+      if (!sides_.has(node) || displacements[n].isZero(0)) continue;
+      const Eigen::Vector3d from = detail::point(mesh_, node);
+      displacements[n] = sides_.nearest(node, from + displacements[n]) - from;
+    }
+    return detail::grown_mesh(turned_.checked, walls_, sides_, displacements);
+  }
+
+  GrownLayer grown(HighOrderMesh made, const Team& team) {
+    GrownLayer layer;
+    layer.mesh = std::move(made);
+    describe(mesh_, walls_, columns_, thickness_, layer);
+    turned_.turn_back(layer.mesh, team);
+    return layer;
+  }
+
+  tl::unexpected<Error> no_room() const {
+    return bad_input("There is no room for a layer at node " +
+                     std::to_string(mesh_.node_numbers[at(columns_.shortest().vertex)]) +
+                     " of the wall. Make the cells there larger, or leave that part out of the wall.");
+  }
+
+  Turned& turned_;
+  const HighOrderMesh& mesh_;
+  std::span<const detail::WallElement> walls_;
+  const detail::CurvedSides& sides_;
+  detail::GrowthColumns columns_;
+  double thickness_;
+  const detail::ElasticMove body_;
+  const NearestOnWall nearest_;
+  std::vector<char> valid_;  ///< By cell: whether it is certified valid as it came.
+};
+
+/// Whether there is time to move cells away.
+enum class Pace : std::uint8_t { Leisure, Haste };
+
+Expected<GrownLayer> grow(const CheckedMesh& mesh, std::span<const std::string> names, double thickness,
+                          const Association* model, Pace pace, const Team& team) {
+  Turned turned(mesh, team);
   const CheckedMesh& checked = turned.checked;
-  const HighOrderMesh& mesh = checked.mesh;
-  const auto walls = detail::find_walls(mesh, checked.facets, names);
+  const auto walls = detail::find_walls(checked.mesh, checked.facets, names);
   if (!walls) return tl::unexpected(walls.error());
-  const detail::Freedoms freedoms(checked, *walls);
+  const std::vector<detail::OuterFacet> outer = detail::outer_facets(checked, *walls);
+  const detail::CurvedSides sides(checked, outer, model, team);
+  const detail::Freedoms freedoms(checked.mesh, outer, sides);
   auto columns = detail::GrowthColumns::find(checked, *walls, freedoms, thickness, model);
   if (!columns) return tl::unexpected(columns.error());
-  const detail::ElasticMove body(mesh, freedoms);
-  const NearestOnWall nearest(mesh, *columns);
-  const std::vector<char> valid = certified(mesh, team);
-  for (int attempt = 0; columns->shortest().length > kThinnest * columns->shortest().asked; ++attempt) {
-    std::vector<detail::Push> pushes;
-    for (const detail::GrowthColumn& column : columns->columns())
-      pushes.push_back({column.vertex, column.length * column.direction});
-    auto moved = body.move(pushes, team.stop());
-    Nodes spoilt_vertices = std::move(moved.crushed);
-    if (spoilt_vertices.empty()) {
-      auto made = detail::grown_mesh(checked, *walls, *columns, moved.displacements);
-      if (!made) return tl::unexpected(made.error());
-      spoilt_vertices = spoilt(*made, mesh, valid, team);
-      if (spoilt_vertices.empty() || attempt >= kMostAttempts) {
-        GrownLayer grown;
-        grown.mesh = std::move(*made);
-        describe(mesh, *walls, *columns, thickness, grown);
-        turned.turn_back(grown.mesh, team);
-        return grown;
-      }
-    }
-    columns->shorten(nearest.to(spoilt_vertices));
-  }
-  return bad_input("There is no room for a layer at node " +
-                   std::to_string(mesh.node_numbers[at(columns->shortest().vertex)]) +
-                   " of the wall. Make the cells there larger, or leave that part out of the wall.");
+  Growth growth(turned, *walls, sides, freedoms, std::move(*columns), thickness);
+  return pace == Pace::Leisure ? growth.at_leisure(team) : growth.in_haste(team);
 }
 
 }  // namespace
@@ -226,10 +310,13 @@ Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::st
     return bad_option(text.str());
   }
   Expected<GrownLayer> grown;
-  team.run([&] {
-    Turned turned(mesh, team);
-    grown = grow(turned, walls, thickness, model, team);
-  });
+  try {
+    team.run([&] { grown = grow(mesh, walls, thickness, model, Pace::Leisure, team); });
+  } catch (const Interrupted&) {
+    if (team.stop()->reason() != StopToken::Reason::TimeLimit) throw;
+    const Team without = team.without_stop();
+    without.run([&] { grown = grow(mesh, walls, thickness, model, Pace::Haste, without); });
+  }
   if (grown && mesh.plane) mesh.plane->put_back(grown->mesh);
   return grown;
 }

@@ -23,12 +23,12 @@ using Nodes = std::vector<std::int32_t>;
 
 class Grower {
  public:
-  Grower(const CheckedMesh& checked, std::span<const WallElement> walls, const GrowthColumns& columns,
+  Grower(const CheckedMesh& checked, std::span<const WallElement> walls, const CurvedSides& sides,
          std::span<const Vector> displacements)
       : mesh_(checked.mesh),
         facets_(checked.facets),
         walls_(walls),
-        columns_(columns),
+        sides_(sides),
         displacements_(displacements),
         elements_(mesh_, mesh_.dimension - 1),
         cells_(mesh_, mesh_.dimension),
@@ -85,9 +85,9 @@ class Grower {
         Vector direction = Vector::Zero();
         double length = 0;
         for (Eigen::Index v = 0; v < weights.cols(); ++v) {
-          const GrowthColumn& column = *columns_.at_node(nodes[at(v)]);
-          direction += weights(static_cast<Eigen::Index>(k), v) * column.direction;
-          length += weights(static_cast<Eigen::Index>(k), v) * column.length;
+          const Vector& rise = displacements_[at(nodes[at(v)])];
+          direction += weights(static_cast<Eigen::Index>(k), v) * rise.normalized();
+          length += weights(static_cast<Eigen::Index>(k), v) * rise.norm();
         }
         rises_.push_back(length * direction.normalized());
       }
@@ -107,7 +107,9 @@ class Grower {
         Vector by = Vector::Zero();
         for (Eigen::Index v = 0; v < weights.cols(); ++v)
           by += weights(static_cast<Eigen::Index>(k), v) * displacements_[at(nodes[at(v)])];
-        for (int c = 0; c < 3; ++c) result_.coordinates[3 * at(nodes[k]) + at(c)] += by[c];
+        if (by.isZero(0)) continue;
+        const Vector to = sides_.nearest(nodes[k], point(mesh_, nodes[k]) + by);
+        std::copy_n(to.data(), 3, &result_.coordinates[3 * at(nodes[k])]);
       }
     }
     before.forget_moved(result_);
@@ -217,8 +219,8 @@ class Grower {
       for (const std::size_t fresh : list) {
         place[had + fresh] = static_cast<std::int32_t>(result_.node_count());
         const std::size_t rank = fresh / levels;
-        const Vector x = point(mesh_, *wall_nodes[rank]) +
-                         static_cast<double>(fresh % levels + 1) / static_cast<double>(levels) * rises_[rank];
+        const double share = static_cast<double>(fresh % levels + 1) / static_cast<double>(levels);
+        const Vector x = sides_.nearest(*wall_nodes[rank], point(mesh_, *wall_nodes[rank]) + share * rises_[rank]);
         result_.node_numbers.push_back(++number);
         result_.coordinates.insert(result_.coordinates.end(), x.data(), x.data() + 3);
       }
@@ -241,7 +243,7 @@ class Grower {
   const HighOrderMesh& mesh_;
   const Facets& facets_;
   std::span<const WallElement> walls_;
-  const GrowthColumns& columns_;
+  const CurvedSides& sides_;
   std::span<const Vector> displacements_;
   Cells elements_, cells_;
   HighOrderMesh result_;
@@ -259,8 +261,8 @@ class Grower {
 }  // namespace
 
 Expected<HighOrderMesh> grown_mesh(const CheckedMesh& mesh, std::span<const WallElement> walls,
-                                   const GrowthColumns& columns, std::span<const Vector> displacements) {
-  return Grower(mesh, walls, columns, displacements).grow();
+                                   const CurvedSides& sides, std::span<const Vector> displacements) {
+  return Grower(mesh, walls, sides, displacements).grow();
 }
 
 }  // namespace varimesh::detail

@@ -50,48 +50,67 @@ std::string square_with_a_wall() {
          std::to_string(number) + "\n" + cells + "$EndElements\n";
 }
 
-/// Whoever stops a run while its layer grows, or gave it too little time, gets the mesh as it came, and a sentence.
-TEST(GrowingInARun, HandsOutTheMeshAsItCameIfTheLayerThatGrowsIsStopped) {
+/// What came of a run that grows a layer of thickness .1 and splits it into three, and is stopped, or is late,
+/// meanwhile.
+struct Disturbed {
+  Expected<RunOutcome> outcome;
+  std::string notes;
+  Expected<formats::MeshFile> written;
+};
+
+Disturbed run_while_it_grows(bool is_late) {
   RunRequest request;
   request.input = std::make_shared<Bytes>(square_with_a_wall());
   request.options.threads = 1;
   request.options.method = Method::Newton;
+  request.options.time_limit = is_late ? 1.5 : 0;
   v1::Layers& layers = request.layers.emplace();
   layers.add_walls("7");
   layers.set_grow(0.1);
   layers.set_layers(3);
   layers.set_growth(2);
-  const auto as_it_came = formats::read(request.input->bytes());
+  bool grows = false, has_waited = false;
+  std::string written, notes;
+  RunHooks hooks;
+  hooks.given_up = [] { return false; };
+  hooks.admit = [&](std::int64_t) -> Expected<bool> { return grows = true; };
+  hooks.control.stop_asked = [&] {
+    if (grows && is_late && !std::exchange(has_waited, true)) std::this_thread::sleep_for(std::chrono::seconds(2));
+    return grows && !is_late;
+  };
+  hooks.on_note = [&](const std::string& note) { notes += note + "\n"; };
+  hooks.open_output = [&](v1::MeshFormat) {
+    return [&](std::string_view bytes) { return written.append(bytes), true; };
+  };
+  auto outcome = core_engine().run(std::move(request), hooks);
+  return {std::move(outcome), std::move(notes), formats::read(written)};
+}
+
+/// Whoever stops a run while its layer grows gets the mesh as it came, and a sentence.
+TEST(GrowingInARun, HandsOutTheMeshAsItCameIfTheLayerThatGrowsIsStopped) {
+  const auto as_it_came = formats::read(square_with_a_wall());
   ASSERT_TRUE(as_it_came) << as_it_came.error().sentence;
-  for (const bool is_late : {false, true}) {
-    bool grows = false, has_waited = false;
-    std::string written, notes;
-    RunHooks hooks;
-    hooks.given_up = [] { return false; };
-    hooks.admit = [&](std::int64_t) -> Expected<bool> { return grows = true; };
-    hooks.control.stop_asked = [&] {
-      if (grows && is_late && !std::exchange(has_waited, true)) std::this_thread::sleep_for(std::chrono::seconds(2));
-      return grows && !is_late;
-    };
-    hooks.on_note = [&](const std::string& note) { notes += note + "\n"; };
-    hooks.open_output = [&](v1::MeshFormat) {
-      return [&](std::string_view bytes) { return written.append(bytes), true; };
-    };
-    RunRequest run = request;
-    run.options.time_limit = is_late ? 1.5 : 0;
-    const auto outcome = core_engine().run(std::move(run), hooks);
-    ASSERT_TRUE(outcome) << outcome.error().sentence;
-    EXPECT_EQ(outcome->stopped, !is_late);
-    EXPECT_NE(notes.find(is_late ? "The time limit passed while the layer was grown, so the mesh gets no layers."
-                                 : "The run was stopped while the layer was grown, so the mesh gets no layers."),
-              std::string::npos)
-        << notes;
-    const auto result = formats::read(written);
-    ASSERT_TRUE(result) << result.error().sentence;
-    EXPECT_EQ(result->mesh.coordinates, as_it_came->mesh.coordinates);
-    EXPECT_EQ(result->mesh.element_count(2), 8U);
-    EXPECT_FALSE(outcome->metrics.has_layers());
-  }
+  const Disturbed run = run_while_it_grows(false);
+  ASSERT_TRUE(run.outcome) << run.outcome.error().sentence;
+  EXPECT_TRUE(run.outcome->stopped);
+  EXPECT_NE(run.notes.find("The run was stopped while the layer was grown, so the mesh gets no layers."),
+            std::string::npos)
+      << run.notes;
+  ASSERT_TRUE(run.written) << run.written.error().sentence;
+  EXPECT_EQ(run.written->mesh.coordinates, as_it_came->mesh.coordinates);
+  EXPECT_EQ(run.written->mesh.element_count(2), 8U);
+  EXPECT_FALSE(run.outcome->metrics.has_layers());
+}
+
+/// Whoever gave it too little time gets the layers that need no time.
+TEST(GrowingInARun, MakesLayersInHasteIfTheTimeLimitPasses) {
+  const Disturbed run = run_while_it_grows(true);
+  ASSERT_TRUE(run.outcome) << run.outcome.error().sentence;
+  EXPECT_FALSE(run.outcome->stopped);
+  EXPECT_NE(run.notes.find("The time limit passed while it grew"), std::string::npos) << run.notes;
+  ASSERT_TRUE(run.written) << run.written.error().sentence;
+  EXPECT_EQ(run.written->mesh.element_count(2), 8U + 2 * 3);
+  EXPECT_EQ(run.outcome->metrics.layers().layers(), 3);
 }
 
 /// The mark is in every file that can hold it, whether the cells were split or not.
