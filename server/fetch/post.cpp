@@ -54,9 +54,10 @@ Expected<int> post(const PostRequest& request) {
     }
   }
   const auto response = curl.perform();
-  if (refused)
+  // A receiver with several addresses may have answered at another one.
+  if (!response && refused)
     return tl::unexpected(Error{Error::Kind::Output,
-                                "The receiver has an address in a private network, and its line in the file of "
+                                "The receiver has an address that is not public, and its line in the file of "
                                 "--webhooks does not say 'private'."});
   if (!response) return tl::unexpected(Error{Error::Kind::Output, "There was no answer: " + response.error() + "."});
   return response->status;

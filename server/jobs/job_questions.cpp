@@ -12,6 +12,8 @@ namespace {
 
 /// How many digests are asked for at once.
 constexpr int kMostDigests = 1000;
+/// For how long a call that is due, and that nobody makes, keeps its job.
+constexpr std::chrono::hours kDueForGood{24};
 
 /// Calls `take` for each job of select_jobs() whose row is not damaged.
 void each_job(Sql& sql, std::string_view rest, const std::function<void(const JobRecord&)>& take) {
@@ -140,6 +142,10 @@ Answer<std::vector<std::string>> JobStore::ended_beyond(std::size_t keep, TimePo
              "ORDER BY ended DESC, key DESC LIMIT 1 OFFSET $2) AS " +
              column;
     };
+    SqlValues values;
+    values.add(nanoseconds(before)).add(static_cast<std::int64_t>(keep));
+    add_time(values);
+    values.add(std::int64_t{std::chrono::nanoseconds(kDueForGood).count()});
     sql.ask(
         "WITH RECURSIVE owners(owner) AS (SELECT (SELECT owner FROM jobs WHERE ended IS NOT NULL ORDER BY owner LIMIT "
         "1) UNION ALL SELECT (SELECT owner FROM jobs WHERE ended IS NOT NULL AND owner > owners.owner ORDER BY owner "
@@ -149,9 +155,9 @@ Answer<std::vector<std::string>> JobStore::ended_beyond(std::size_t keep, TimePo
             " FROM owners WHERE owner IS NOT NULL) "
             "SELECT name FROM firsts JOIN jobs ON jobs.owner = firsts.owner AND jobs.ended IS NOT NULL "
             "AND jobs.ended < $1 AND (jobs.ended, jobs.key) <= (firsts.ended, firsts.key) "
-            "ORDER BY firsts.owner, jobs.ended DESC, jobs.key DESC",
-        SqlValues().add(nanoseconds(before)).add(static_cast<std::int64_t>(keep)),
-        [&](const SqlRow& row) { names.push_back(row.text(0)); });
+            "AND (jobs.call_due IS NULL OR jobs.call_due < coalesce($3, " +
+            sql.dialect().now + ") - $4) ORDER BY firsts.owner, jobs.ended DESC, jobs.key DESC",
+        values, [&](const SqlRow& row) { names.push_back(row.text(0)); });
     return names;
   });
 }

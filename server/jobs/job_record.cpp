@@ -209,8 +209,10 @@ void JobTransitions::claim_call(JobRecord& record, std::chrono::milliseconds pat
   record.call_due = settings_.clock() + patience;
 }
 
-void JobTransitions::note_call(JobRecord& record, const CallOutcome& outcome) const {
+bool JobTransitions::note_call(JobRecord& record, const CallOutcome& outcome) const {
   v1::WebhookCall& call = *record.job.mutable_webhook_call();
+  // Somebody else may have made the call too, if this one took longer than the claim.
+  if (call.state() != v1::WebhookCall::STATE_WAITING) return false;
   if (outcome.was_made) call.set_attempts(call.attempts() + 1);
   call.set_error(outcome.error);
   record.call_due.reset();
@@ -218,6 +220,7 @@ void JobTransitions::note_call(JobRecord& record, const CallOutcome& outcome) co
     record.call_due = settings_.clock() + *outcome.again_after;
   else
     call.set_state(outcome.error.empty() ? v1::WebhookCall::STATE_DELIVERED : v1::WebhookCall::STATE_GIVEN_UP);
+  return true;
 }
 
 // ===== questions about a record =====

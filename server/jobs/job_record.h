@@ -52,7 +52,8 @@ class JobTransitions {
   Changed take_back(JobRecord& record) const;
   /// Somebody calls the webhook of the job. It is called again after `patience` unless note_call() is called before.
   void claim_call(JobRecord& record, std::chrono::milliseconds patience) const;
-  void note_call(JobRecord& record, const CallOutcome& outcome) const;
+  /// Returns false if the call has ended already, so that nothing changes.
+  bool note_call(JobRecord& record, const CallOutcome& outcome) const;
 
  private:
   v1::JobEvent number(JobRecord& record, v1::JobEvent event) const;

@@ -267,9 +267,16 @@ Answer<Changed> JobStore::finish(const Claim& claim, const Ending& ending, std::
 
 Answer<std::optional<v1::Job>> JobStore::claim_call(std::chrono::milliseconds patience) {
   using Result = std::optional<v1::Job>;
-  const auto waits = waiting_calls();
+  // Usually no call is due, and then no transaction is needed.
+  const auto waits = read_jobs(*database_, [&](Sql& sql) -> Answer<bool> {
+    SqlValues values;
+    add_time(values);
+    return sql.number(std::string("SELECT count(*) FROM (SELECT 1 FROM jobs WHERE call_due <= coalesce($1, ") +
+                          sql.dialect().now + ") LIMIT 1) AS first",
+                      values) > 0;
+  });
   if (!waits) return tl::unexpected(waits.error());
-  if (*waits == 0) return Result();
+  if (!*waits) return Result();
   return write(*database_, [&](JobWork& work) -> Answer<Result> {
     Sql& sql = work.sql;
     std::int64_t key = 0;
@@ -291,12 +298,18 @@ Answer<std::optional<v1::Job>> JobStore::claim_call(std::chrono::milliseconds pa
   });
 }
 
+void JobStore::add_time(SqlValues& values) const {
+  if (settings_.clock)
+    values.add(nanoseconds(settings_.clock()));
+  else
+    values.add_null();
+}
+
 Answer<void> JobStore::note_call(const std::string& name, const CallOutcome& outcome) {
   const auto note = [&](JobWork& work) -> Answer<void> {
     auto row = load_job(work.sql, name, true);
     if (!row) return tl::unexpected(row.error());
-    work.transitions.note_call(row->record, outcome);
-    save_job(work, *row);
+    if (work.transitions.note_call(row->record, outcome)) save_job(work, *row);
     return {};
   };
   return write(*database_, note);

@@ -150,6 +150,7 @@ struct CallOutcome {
 
 class JobDatabase;
 class Sql;
+class SqlValues;
 
 /// Stores jobs, their states and their events. Thread-safe; all calls may wait for a disk. If the store is durable(),
 /// it keeps what a call has answered, whatever happens to the process afterwards.
@@ -225,7 +226,7 @@ class JobStore {
   /// Claims the webhook that was to be called first, and returns its job, or nothing if none is to be called now. It is
   /// claimed again after `patience` unless note_call() is called before that, since whoever calls it may be lost.
   Answer<std::optional<v1::Job>> claim_call(std::chrono::milliseconds patience);
-  /// Records what came of the call. NOT_FOUND if the job was deleted meanwhile.
+  /// Records what came of the call, unless another outcome has ended it. NOT_FOUND if the job was deleted meanwhile.
   Answer<void> note_call(const std::string& name, const CallOutcome& outcome);
   /// How many webhooks are to be called, now or later.
   Answer<int> waiting_calls();
@@ -236,7 +237,8 @@ class JobStore {
   /// deleted too, and releases nothing, since nobody knows what it refers to.
   Answer<Changed> remove(const std::string& name);
   /// Returns the names of all jobs that ended before `before`, except those among the `keep` of their owner that ended
-  /// last.
+  /// last, and those whose webhook is still to be called. A call that was due a day ago counts no more: nobody makes
+  /// calls any longer.
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before);
   /// Returns everything that jobs refer to.
   Answer<std::vector<Reference>> references();
@@ -250,6 +252,8 @@ class JobStore {
   Answer<void> check_room(Sql& sql, const Submission& submission);
   /// Whether a count of the waiting jobs shows, without another one, that there is room for more.
   bool has_ample_room(int max_pending);
+  /// Adds the time as `$N`, for coalesce($N, dialect().now): null if the database's clock counts.
+  void add_time(SqlValues& values) const;
 
   const std::unique_ptr<JobDatabase> database_;
   const JobStoreSettings settings_;

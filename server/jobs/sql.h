@@ -63,6 +63,7 @@ struct SqlDialect {
   const char* waiting = "jobs";          ///< The table of jobs, for a search of those that wait.
   const char* take_turn = "";            ///< Notes in the table turns that it was the turn of the peer $1.
   const char* lock_claims = "SELECT 1";  ///< Lets only one transaction at a time claim a job.
+  const char* now = "0";                 ///< The time of the database, in nanoseconds since 1970.
   const char* started = "";              ///< Selects when the database was started, in nanoseconds since 1970.
   const char* referenced = "";  ///< Selects those of the digests $1, each with a comma behind it, that jobs refer to.
 };

@@ -83,6 +83,7 @@ constexpr SqlDialect kDialect{
         "INSERT INTO turns SELECT $1, nextval('turn_numbers') WHERE NOT EXISTS(SELECT 1 FROM turns WHERE peer = $1) "
         "ON CONFLICT DO NOTHING",
     .lock_claims = "SELECT pg_advisory_xact_lock(hashtext('varimesh claim'))",
+    .now = "(extract(epoch FROM clock_timestamp()) * 1000000)::bigint * 1000",
     .started = "SELECT (extract(epoch FROM pg_postmaster_start_time()) * 1000000)::bigint * 1000",
     .referenced =
         "SELECT digest FROM unnest(string_to_array($1::text, ',')) AS asked(digest) "

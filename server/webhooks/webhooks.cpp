@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <optional>
+#include <utility>
 
 #include "server/log/log_fields.h"
 #include "server/tls/private_file.h"
@@ -30,8 +32,8 @@ Expected<std::string> text_of(const std::string& file) {
   return text;
 }
 
-/// The job as GetJob answers, without what makes specs large.
-std::string body_of(const v1::Job& job) {
+/// The job as GetJob answers, without what makes specs large; nothing if it cannot be written as JSON.
+std::optional<std::string> body_of(const v1::Job& job) {
   v1::GetJobResponse response;
   *response.mutable_job() = job;
   response.mutable_job()->clear_webhook_call();
@@ -40,8 +42,8 @@ std::string body_of(const v1::Job& job) {
   spec.Clear();
   *spec.mutable_labels() = labels;
   std::string text;
-  const auto written = google::protobuf::util::MessageToJsonString(response, &text);
-  return written.ok() ? text : "{}";
+  if (!google::protobuf::util::MessageToJsonString(response, &text).ok()) return std::nullopt;
+  return text;
 }
 
 }  // namespace
@@ -149,10 +151,16 @@ bool Webhooks::call_next() {
 CallOutcome Webhooks::call(const v1::Job& job) {
   const auto receivers = this->receivers();
   const Receiver* const receiver = receivers->find(job.spec().webhook().url());
-  if (receiver == nullptr) return failed(job, check(job.spec().webhook()).error().sentence);
+  if (receiver == nullptr) {
+    // The list of this moment: the file may have got the receiver back meanwhile.
+    const auto refused = check_webhook(job.spec().webhook().url(), receivers.get());
+    return failed(job, refused.error().sentence);
+  }
+  auto body = body_of(job);
+  if (!body) return failed(job, "The job cannot be written as JSON; please report it.", true);
   const std::string time = std::to_string(std::chrono::system_clock::to_time_t(clock_()));
   PostRequest request{
-      job.spec().webhook().url(), {}, body_of(job), settings_.authority, receiver->may_be_private, [this] {
+      job.spec().webhook().url(), {}, std::move(*body), settings_.authority, receiver->may_be_private, [this] {
         const std::lock_guard lock(mutex_);
         return stopping_;
       }};

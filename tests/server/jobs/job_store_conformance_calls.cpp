@@ -82,6 +82,35 @@ TEST_P(Calls, OfTheOldestEndComeFirstAndThoseOfDeletedJobsNever) {
   EXPECT_EQ(store_->note_call(first, {}).error().reason, "JOB_NOT_FOUND");
 }
 
+TEST_P(Calls, ThatHaveEndedStayAsTheyEnded) {
+  const std::string name = end_one();
+  EXPECT_EQ(due(), name);
+  now_ += seconds(60);
+  EXPECT_EQ(due(), name) << "the first one took too long";
+  ASSERT_TRUE(store_->note_call(name, {}));
+  ASSERT_TRUE(store_->note_call(name, {"It hung.", seconds(5)})) << "the first one";
+  EXPECT_EQ(get(name).webhook_call().state(), v1::WebhookCall::STATE_DELIVERED);
+  EXPECT_EQ(get(name).webhook_call().error(), "");
+  EXPECT_EQ(get(name).webhook_call().attempts(), 1);
+  now_ += seconds(5);
+  EXPECT_EQ(due(), "");
+}
+
+TEST_P(Calls, KeepTheirJobsUntilTheyAreMade) {
+  const std::string waiting = end_one(), delivered = end_one();
+  ASSERT_EQ(due(), waiting);
+  ASSERT_EQ(due(), delivered);
+  ASSERT_TRUE(store_->note_call(delivered, {}));
+  const auto beyond = [&] { return *store_->ended_beyond(0, now_ + seconds(1)); };
+  EXPECT_EQ(beyond(), std::vector<std::string>{delivered});
+  ASSERT_TRUE(store_->note_call(waiting, {"It hung.", std::chrono::hours(1)}));
+  EXPECT_EQ(beyond(), std::vector<std::string>{delivered}) << "it is made again";
+  now_ += std::chrono::hours(24);
+  EXPECT_EQ(beyond(), std::vector<std::string>{delivered}) << "it may still be";
+  now_ += std::chrono::hours(1) + seconds(1);
+  EXPECT_EQ(beyond(), (std::vector<std::string>{delivered, waiting})) << "nobody makes calls any longer";
+}
+
 TEST_P(DurableCalls, OutliveTheProcess) {
   const std::string name = end_one();
   reopen();

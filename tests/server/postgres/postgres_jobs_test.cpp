@@ -37,6 +37,14 @@ class PostgresStore : public ::testing::Test {
     spec.mutable_mesh()->set_digest("mesh");
     return store_->submit({request_id, spec, "jobs/" + std::to_string(++names_), 1000, {}, 0});
   }
+  std::string end_one_with_webhook() {
+    v1::JobSpec spec;
+    spec.mutable_webhook()->set_url("https://ci.example.org/");
+    const std::string name = "jobs/" + std::to_string(++names_);
+    EXPECT_TRUE(store_->submit({"", spec, name, 1000, {}, 0}));
+    EXPECT_TRUE(store_->finish(claim(), success(), 0));
+    return name;
+  }
   Claim claim(const std::string& worker = "worker") { return (*store_->claim(worker))->claim; }
   static Ending success() {
     Ending ending;
@@ -79,6 +87,21 @@ TEST_F(PostgresStore, CountsLeasesOnTheClockOfTheDatabase) {
   EXPECT_TRUE(store_->take_back("", {})->empty());
   std::this_thread::sleep_for(milliseconds(400));
   EXPECT_EQ(store_->take_back("", {})->size(), 1u);
+}
+
+TEST_F(PostgresStore, KnowsByTheClockOfTheDatabaseWhichCallsAreDue) {
+  const std::string name = end_one_with_webhook();
+  const auto due = [&] {
+    const auto claimed = store_->claim_call(seconds(60));
+    return claimed && *claimed ? (*claimed)->name() : "";
+  };
+  EXPECT_EQ(due(), name);
+  EXPECT_EQ(due(), "");
+  EXPECT_TRUE(store_->ended_beyond(0, std::chrono::system_clock::now() + seconds(60))->empty());
+  place_.run("UPDATE jobs SET call_due = call_due - 60 * 1000000000::bigint");
+  EXPECT_EQ(due(), name);
+  place_.run("UPDATE jobs SET call_due = call_due - (24 * 3600 + 61) * 1000000000::bigint");
+  EXPECT_EQ(store_->ended_beyond(0, std::chrono::system_clock::now() + seconds(60))->size(), 1U);
 }
 
 TEST_F(PostgresStore, TakesNoJobBackSoonAfterTheStartOfTheDatabase) {

@@ -28,7 +28,7 @@ LINE_KEY = "whsec_" + base64.b64encode(KEY).decode()
 class Receiver:
     """Answers with the codes that it is told, one after another and the last one for ever; 0: it hangs."""
 
-    def __init__(self, *codes, certificate=None, port=0):
+    def __init__(self, *codes, certificate=None, port=0, address="127.0.0.1", name=None):
         self.codes, self.calls, self.released = list(codes), [], threading.Event()
         receiver = self
 
@@ -51,14 +51,14 @@ class Receiver:
             def log_message(self, *_):
                 pass
 
-        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        self.server = http.server.ThreadingHTTPServer((address, port), Handler)
         self.scheme = "https" if certificate else "http"
         if certificate:
             context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             context.load_cert_chain(*certificate)
             self.server.socket = context.wrap_socket(self.server.socket, server_side=True)
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
-        self.origin = f"{self.scheme}://127.0.0.1:{self.server.server_address[1]}"
+        self.origin = f"{self.scheme}://{name or address}:{self.server.server_address[1]}"
 
     def close(self):
         self.released.set()
@@ -93,6 +93,13 @@ class WithWebhooks(WithHttp):
         one = Receiver(*codes, **keywords)
         self.addCleanup(one.close)
         return one
+
+    def certificate(self, name):
+        """Makes a certificate for a name of OpenSSL's, such as DNS:hook.example, and returns its file and that of its key."""
+        key, certificate = self.folder / "key.pem", self.folder / "certificate.pem"
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", key, "-out", certificate,
+                        "-subj", "/CN=a receiver", "-addext", f"subjectAltName={name}"], check=True, capture_output=True, timeout=20)
+        return certificate, key
 
     def allow_all(self, *receivers):
         """Allows the receivers, and waits until the server knows."""
@@ -262,9 +269,7 @@ class Webhooks(WithWebhooks):
         self.assertIn("chmod", done.stderr)
 
     def test_of_another_machine_are_encrypted(self):
-        key, certificate = self.folder / "key.pem", self.folder / "certificate.pem"
-        subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", key, "-out", certificate,
-                        "-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True, timeout=20)
+        certificate, key = self.certificate("IP:127.0.0.1")
         receiver = self.receiver(200, certificate=(certificate, key))
         self.allow_all(receiver)
         call = self.call_of(self.make(receiver.origin), "GIVEN_UP")
@@ -326,7 +331,7 @@ class Names(WithWebhooks):
             self.allow(f"https://{host}:{port} {LINE_KEY}")
             time.sleep(1.5)
             call = self.call_of(self.make(f"https://{host}:{port}/"), "GIVEN_UP")
-            self.assertIn("private network", call["error"], host)
+            self.assertIn("not public", call["error"], host)
         self.assertEqual(accepted, [])
 
 
@@ -348,7 +353,7 @@ class Rebinding(WithWebhooks):
     def setUp(self):
         names = subprocess.run(["mktemp"], capture_output=True, text=True, check=True, timeout=20).stdout.strip()
         self.addCleanup(os.unlink, names)
-        for command in (["ip", "link", "set", "lo", "up"], ["mount", "--bind", names, str(self.NAMES)]):
+        for command in (["ip", "link", "set", "lo", "up"], ["ip", "address", "replace", "8.8.8.8/32", "dev", "lo"], ["mount", "--bind", names, str(self.NAMES)]):
             subprocess.run(command, check=True, timeout=20)
         self.addCleanup(subprocess.run, ["umount", str(self.NAMES)], check=True, timeout=20)
         super().setUp()
@@ -367,10 +372,19 @@ class Rebinding(WithWebhooks):
             self.assertLess(time.monotonic(), deadline, call)
             time.sleep(0.05)
         self.NAMES.write_text("127.0.0.1 localhost hook.example\n")
-        while "private network" not in (call := self.call_of(job, "WAITING")).get("error", ""):
+        while "not public" not in (call := self.call_of(job, "WAITING")).get("error", ""):
             self.assertLess(time.monotonic(), deadline, call)
             time.sleep(0.05)
         self.assertEqual(accepted, [])
+
+    def test_a_name_with_a_public_address_beside_another_is_called_there(self):
+        self.NAMES.write_text("127.0.0.1 localhost\n::1 hook.example\n8.8.8.8 hook.example\n")
+        certificate, key = self.certificate("DNS:hook.example")
+        receiver = self.receiver(200, certificate=(certificate, key), address="8.8.8.8", name="hook.example")
+        self.server.stop()
+        self.allow(f"{receiver.origin} {LINE_KEY}")
+        self.start("--webhook-authority", str(certificate))
+        self.call_of(self.make(receiver.origin), "DELIVERED")
 
 
 if __name__ == "__main__":
