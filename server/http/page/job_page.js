@@ -39,6 +39,12 @@ class Progress {
     this.line.textContent = [this.said, shareText(this.history.seconds.at(-1), secondsLeft)].filter(Boolean).join(' · ');
   }
 
+  /** The job has ended: no time is left, and the curves have their last points. */
+  end() {
+    if (this.said) this.say();
+    this.draw();
+  }
+
   draw() {
     if (!this.history.iteration.length) return;
     this.drawn = Date.now();
@@ -82,9 +88,11 @@ async function nextSpec(job, form, model, layers) {
 /** The form for a run on this job's mesh, with the options of the last one, and the same for a terminal and Python. */
 async function runForm(job, order, groups, signal) {
   const {options, layers: before} = job.spec;
-  const [form, model, layers] = await Promise.all([OptionForm.create(before?.spacing ? {...options, layerSpacing: before.spacing} : options),
-    geometryFields(job, order, signal), LayerFields.create(before, groups)]);
+  const [schemas, model] = await Promise.all([schemasOfMessages(), geometryFields(job, order, signal)]);
   signal.throwIfAborted();
+  const form = new OptionForm(schemas, before?.spacing ? {...options, layerSpacing: before.spacing} : options ?? {});
+  const spacing = form.fields.find(({name}) => name === 'layerSpacing');
+  const layers = new LayerFields(schemas, before ?? {}, groups, spacing);
   modelField = model;
   const section = addSection('run', isJudged(job) ? 'Optimise' : 'Run again');
   const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
@@ -99,7 +107,7 @@ async function runForm(job, order, groups, signal) {
     await run().catch((error) => tell(error.message, true));
     start.disabled = false;
   });
-  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields, layers, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
+  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields.filter((field) => field !== spacing), layers, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
 }
 
 /** Draws the mesh, or both meshes. Returns the mesh that the job was made for. */
@@ -172,7 +180,7 @@ async function showJob(name, signal) {
     if (event.stateChange && !hasEnded(job)) describe();
   }, signal);
   signal.throwIfAborted();
-  progress.draw();
+  progress.end();
   describe();
   if (job.metrics) buttons.after(figures(job), warnings(job));
   if (!isJudged(job) && job.results?.length) {

@@ -21,8 +21,8 @@ function keepingSentences({limits = {}, ownerBytes}) {
       `${maxEndedAge ? `, for ${span(maxEndedAge)} at most` : ''}. A mesh without a job is kept for ${span(meshLifetime)}.`];
   if (countOf(maxBytesPerOwner) > 0) {
     const used = countOf(ownerBytes);
-    sentences.push(`Your meshes and results have ${bytesText(used)} of the ${bytesText(countOf(maxBytesPerOwner))} that you may have` +
-        `${used > 0.9 * countOf(maxBytesPerOwner) ? '; delete jobs that you do not need' : ''}.`);
+    sentences.push(`Your meshes and results take ${bytesText(used)}; you may store ${bytesText(countOf(maxBytesPerOwner))}` +
+        `${used > 0.9 * countOf(maxBytesPerOwner) ? '. Delete jobs that you do not need' : ''}.`);
   }
   return sentences;
 }

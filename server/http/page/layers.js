@@ -3,13 +3,9 @@
 const LEFT_OUT_OF_LAYERS = ['spacing'];  // The option "layer spacing" says it, as the flag does.
 
 class LayerFields {
-  /** `before`: the layers of the last run; `groups`: names of groups of boundary elements. */
-  static async create(before, groups) {
-    return new LayerFields(await schemasOfMessages(), before ?? {}, groups);
-  }
-
-  constructor(schemas, before, groups) {
-    this.before = before;
+  /** `before`: the layers of the last run; `groups`: names of groups of boundary elements; `spacing`: the field of the option. */
+  constructor(schemas, before, groups, spacing) {
+    Object.assign(this, {before, spacing});
     const {properties} = schemas['varimesh.v1.Layers'];
     const names = Object.keys(properties).filter((name) => !LEFT_OUT_OF_LAYERS.includes(name));
     this.fields = names.map((name) => new OptionField(name, properties[name], schemas, 'layer'));
@@ -37,19 +33,22 @@ class LayerFields {
     return {...Object.fromEntries(this.fields.map((field) => [field.name, field.value]).filter(([, value]) => value !== undefined)), spacing};
   }
 
+  /** The words of the spacing too: it is a flag of its own for the command, and a part of the layers in Python. */
   words() {
-    if (!this.isGiven) return [];
-    return this.fields.flatMap((field) => {
+    if (!this.isGiven) return this.spacing.words();
+    return [...this.spacing.words(), ...this.fields.flatMap((field) => {
       if (field.name === 'walls') return field.value.flatMap((wall) => ['--wall', wall]);
       if (field.name === 'simplices') return field.value ? ['--simplices'] : [];
       return field.words();
-    });
+    })];
   }
 
   argument() {
-    if (!this.isGiven) return [];
+    const spacing = this.spacing.argument();
+    if (!this.isGiven) return spacing;
     const [, ...others] = this.fields;
-    return [`layers=varimesh.Layers(${[JSON.stringify(this.field('walls').value), ...others.flatMap((field) => field.argument())].join(', ')})`];
+    const own = spacing.map((text) => text.replace('layer_spacing', 'spacing'));
+    return [`layers=varimesh.Layers(${[JSON.stringify(this.field('walls').value), ...others.flatMap((field) => field.argument()), ...own].join(', ')})`];
   }
 }
 

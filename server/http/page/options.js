@@ -115,10 +115,6 @@ async function schemasOfMessages() {
 
 /** All options: four at once, the others behind a click. */
 class OptionForm {
-  static async create(options = {}) {
-    return new OptionForm(await schemasOfMessages(), options);
-  }
-
   constructor(schemas, options) {
     const {properties} = schemas['varimesh.v1.Options'];
     const names = Object.keys(properties).filter((name) => !LEFT_OUT_OPTIONS.includes(name));

@@ -50,6 +50,13 @@ class Form(WithPage):
         self.page.value(f"(() => {{ const one = document.getElementById({json.dumps(id)}); one.value = {json.dumps(value)}; "
                         "one.dispatchEvent(new Event('input', {bubbles: true})); })()")
 
+    def test_spacing_without_layers_is_an_option(self):
+        self.open()
+        self.look_at(MESH)
+        self.set_field("option-layerSpacing", "LAYER_SPACING_EVEN")
+        self.assertIn("-o nine_triangles-better.msh --layer-spacing even", self.text("#run pre"))
+        self.assertIn('"nine_triangles-better.msh", layer_spacing="even")', self.text("#run .columns"))
+
     def test_layers_are_what_the_command_makes(self):
         self.open()
         self.look_at(MESH)
@@ -58,7 +65,8 @@ class Form(WithPage):
             self.set_field(id, value)
         words = "--layer-spacing even --wall boundary --layers 3 --first 0.005 --grow 0.05"
         self.assertIn(f"varimesh optimise nine_triangles.msh -o nine_triangles-better.msh {words}", self.text("#run pre"))
-        self.assertIn('layers=varimesh.Layers(["boundary"], layers=3, first=0.005, grow=0.05)', self.text("#run .columns"))
+        self.assertNotIn("layer_spacing", self.text("#run .columns"), "Python's layers have the spacing themselves")
+        self.assertIn('layers=varimesh.Layers(["boundary"], layers=3, first=0.005, grow=0.05, spacing="even")', self.text("#run .columns"))
         self.optimise()
         expected = self.folder / "expected.msh"
         done = run("optimise", MESH, "-o", expected, *words.split())

@@ -71,6 +71,28 @@ class Jobs(WithPage):
         self.check_clean()
 
 
+class TimeLeft(WithPage):
+    def test_is_told_while_a_job_runs_and_no_more_when_it_has_ended(self):
+        job = self.submit(LARGER, *ENDLESS)
+        self.open()
+        self.page.value("""(() => {  // As a server says it that knows how much is left.
+          const parse = JSON.parse;
+          JSON.parse = (text) => {
+            const made = parse(text);
+            if (made?.iteration) made.iteration.secondsLeft = 90;
+            return made;
+          };
+        })()""")
+        self.page.value(f"location.hash = '#/jobs/{job}'; 1")
+        self.page.wait("/ %, about 1 min 30 s left$/.test(document.querySelector('#job .readout')?.textContent)")
+        self.ask("POST", f"/v1/jobs/{job}/cancel")
+        self.wait_for_state("cancelled")
+        text = self.text("#job .readout")
+        self.assertNotIn("left", text)
+        self.assertIn("smallest scaled Jacobian", text)
+        self.check_clean()
+
+
 class Keeping(WithPage):
     """What the page says about how long jobs are kept, and about the quota."""
 
@@ -94,7 +116,7 @@ class Keeping(WithPage):
         self.page.wait("!!document.querySelector('#keeping')")
         text = self.text("#keeping")
         self.assertIn("kept for 90 minutes, and after that the 7 that ended last, for 2 days at most. A mesh without a job is kept for 1 day.", text)
-        self.assertRegex(text, r"Your meshes and results have [0-9.]+ kB of the 100 kB that you may have")
+        self.assertRegex(text, r"Your meshes and results take [0-9.]+ kB; you may store 100 kB\.$")
         self.check_clean()
 
 
