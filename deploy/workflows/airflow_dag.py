@@ -2,7 +2,7 @@
 Airflow.
 
 The job does not occupy a worker: `submit` puts it into the server's queue, a sensor waits for it and frees its slot between
-two checks, and `fetch` downloads the result. Airflow may retry safely, because the request id contains the id of the run."""
+two checks, and `fetch` downloads the result. Airflow may retry safely, because the request id contains the ids of the DAG and of the run."""
 from __future__ import annotations
 
 import pendulum
@@ -15,11 +15,11 @@ SERVER = "varimesh.example:50051"
 @dag(start_date=pendulum.datetime(2026, 1, 1), schedule=None, params={"mesh": "in.msh", "out": "out.msh"})
 def optimise_mesh():
     @task(retries=5)
-    def submit(params=None, run_id=None):
+    def submit(params=None, run_id=None, dag=None):
         import varimesh
 
         with varimesh.Client(SERVER) as client:
-            job = client.submit(params["mesh"], outputs=["msh41-binary"], request_id=f"airflow-{run_id}"[:128],
+            job = client.submit(params["mesh"], outputs=["msh41-binary"], request_id=f"airflow-{dag.dag_id}-{run_id}"[-128:],
                                 labels={"airflow": run_id})
             return job.name
 

@@ -1,11 +1,13 @@
 """Runs the recipes of deploy/workflows/http with a real server: the requests that they make are made as they stand. Airflow,
 Nextflow and GitHub's runner are played by this test: it reads the files as they do, and does what these steps say."""
+import http.server
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import threading
 import types
 import unittest
 import urllib.parse
@@ -66,6 +68,40 @@ class Curl(WithRecipes):
         self.assertEqual(self.shell(self.folder / "none", out).returncode, 3)
         self.assertEqual(self.shell(MESH, out, VARIMESH_TOKEN="of-somebody").returncode, 3)
         self.assertNotIn(self.token, done.stdout + done.stderr)
+
+    def test_what_passes_is_worth_another_try(self):
+        """A server that refuses for now; curl's own repetitions are left out here, since they take half a minute."""
+        curl = self.folder / "bin" / "curl"
+        curl.parent.mkdir()
+        curl.write_text(f'#!/bin/sh\nexec {shutil.which("curl")} "$@" --retry 0\n')
+        curl.chmod(0o755)
+        answers = []
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_PUT(self):
+                self.rfile.read(int(self.headers["Content-Length"]))
+                code = answers[0]
+                text = b'{"message": "The server says so."}'
+                if code == 0:
+                    return self.connection.shutdown(2)
+                self.send_response(code)
+                self.send_header("Content-Length", str(len(text) + (code == 200)))  # 200: the answer is cut
+                self.end_headers()
+                self.wfile.write(text)
+
+            def log_message(self, *_):
+                pass
+
+        with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            self.addCleanup(server.shutdown)
+            path = f"{curl.parent}{os.pathsep}{os.environ['PATH']}"
+            for code, status in ((408, 5), (429, 5), (500, 5), (503, 5), (504, 5), (0, 5), (200, 5), (400, 3), (401, 3), (404, 3), (413, 3)):
+                answers[:] = [code]
+                done = self.shell(MESH, self.folder / "out.vtu", HTTP=f"http://127.0.0.1:{server.server_address[1]}", PATH=path)
+                self.assertEqual(done.returncode, status, f"{code}: {done.stderr}")
+                self.assertEqual("The server says so." in done.stderr, code != 0, f"{code}: {done.stderr}")
+            server.shutdown()
 
 
 class Actions(WithRecipes):
@@ -139,11 +175,12 @@ class Airflow(WithRecipes):
 
     def render(self, text):
         import jinja2
-        context = {"run_id": "manual__2026-01-01T00:00:00+00:00", "ti": types.SimpleNamespace(xcom_pull=lambda task_ids: self.results[task_ids])}
+        context = {"run_id": "manual__2026-01-01T00:00:00+00:00", "dag": types.SimpleNamespace(dag_id=self.dag), "ti": types.SimpleNamespace(xcom_pull=lambda task_ids: self.results[task_ids])}
         return jinja2.Environment(undefined=jinja2.StrictUndefined).from_string(text).render(context)
 
     def test_tasks_run_in_their_order(self):
         test, order = self, []
+        self.dag = "wing"
         self.requests, self.results, params = [], {}, {"mesh": str(MESH), "out": str(self.folder / "out.vtu")}
 
         class Task:
@@ -201,7 +238,13 @@ class Airflow(WithRecipes):
                 self.results[one.task_id] = one.run()
             self.check_result(self.folder / "out.vtu")
             self.assertEqual(len(self.jobs()), 1, again)
-        self.assertTrue(self.requests[1][1].startswith("/v1/jobs?requestId=airflow-manual"))
+        self.dag = "tail"  # Airflow gives runs of several DAGs the same id.
+        for one in order:
+            self.results[one.task_id] = one.run()
+        self.assertEqual(sorted(one["requestId"] for one in self.jobs()), [f"airflow-{dag}-manual__2026-01-01T00:00:00+00:00" for dag in ("tail", "wing")])
+        self.dag = "a" * 200
+        self.results["submit"] = order[1].run()
+        self.assertEqual(len(self.jobs()), 3, "a long name is cut to what the server takes")
 
 
 if __name__ == "__main__":

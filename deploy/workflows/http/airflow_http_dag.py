@@ -3,7 +3,7 @@ side. The connection "varimesh" (of the type HTTP) has the server's address, and
 {"Authorization": "Bearer TOKEN"}.
 
 The job does not occupy a worker: `submit` puts it into the server's queue, a sensor waits for it and frees its slot between
-two questions, and `fetch` downloads the result. Airflow may retry safely, because the request id is that of the run."""
+two questions, and `fetch` downloads the result. Airflow may retry safely, because the request id contains the ids of the DAG and of the run."""
 from __future__ import annotations
 
 import hashlib
@@ -41,7 +41,7 @@ def optimise_mesh_by_http():
         task_id="submit",
         http_conn_id=CONNECTION,
         method="POST",
-        endpoint="/v1/jobs?requestId=airflow-{{ run_id | urlencode }}",
+        endpoint="/v1/jobs?requestId={{ ('airflow-' ~ dag.dag_id ~ '-' ~ run_id)[-128:] | urlencode }}",
         headers={"Content-Type": "application/json"},
         data='{"mesh": {"digest": "{{ ti.xcom_pull(task_ids=\'send\') }}"}, "outputs": ["MESH_FORMAT_VTU"]}',
         response_filter=lambda response: response.json()["job"]["name"],

@@ -2,7 +2,7 @@
 it, because Debian has no Airflow.
 
 One task submits all meshes, a sensor waits for all jobs without occupying a worker, and one mapped task per job fetches its
-result. Airflow may retry safely, because the request ids contain the id of the run."""
+result. Airflow may retry safely, because the request ids contain the ids of the DAG and of the run."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -17,12 +17,12 @@ SERVER = "varimesh.example:50051"
 @dag(start_date=pendulum.datetime(2026, 1, 1), schedule=None, params={"meshes": "/data/meshes", "into": "/data/results"})
 def optimise_many_meshes():
     @task(retries=5)
-    def submit(params=None, run_id=None):
+    def submit(params=None, run_id=None, dag=None):
         import varimesh
 
         with varimesh.Client(SERVER) as client:
-            return [client.submit(mesh, outputs=["msh41-binary"], request_id=f"airflow-{run_id}-{mesh.name}"[-128:],
-                                  labels={"airflow": run_id}).name
+            return [client.submit(mesh, outputs=["msh41-binary"], labels={"airflow": run_id},
+                                  request_id=f"airflow-{dag.dag_id}-{run_id}-{mesh.name}"[-128:]).name
                     for mesh in sorted(Path(params["meshes"]).glob("*.msh"))]
 
     @task.sensor(poke_interval=30, mode="reschedule")
