@@ -206,6 +206,27 @@ class Helm(unittest.TestCase):
                 for key, part in chart.items():
                     self.assertEqual(part, overlay[key], key)
 
+    def test_http_has_a_place_beside_grpc_if_it_is_wanted(self):
+        self.assertNotIn("http", json.dumps(list(self.render().values())).replace("httpGet", ""))
+        chart = self.render("--set", "http.enabled=true", "--set", "frontend.flags={--log-level,debug}")
+        self.assertNotIn(("Ingress", "varimesh-http"), chart)
+        server, proxy = chart["Deployment", "varimesh-frontend"]["spec"]["template"]["spec"]["containers"]
+        self.assertEqual(server["args"][-4:], ["--http", "127.0.0.1:8080", "--log-level", "debug"])
+        self.assertLessEqual({flag for flag in server["args"] if flag.startswith("--")} - {"--log-level"}, flags_of_varimeshd())
+        self.assertEqual(proxy["image"], "nginx:1.26")
+        self.assertTrue(proxy["securityContext"]["readOnlyRootFilesystem"])
+        ports = [port["name"] for port in chart["Service", "varimesh"]["spec"]["ports"]]
+        self.assertEqual(ports, ["grpc", "https"])
+        (allowed,) = chart["NetworkPolicy", "varimesh-frontend"]["spec"]["ingress"]
+        self.assertEqual([port["port"] for port in allowed["ports"]], ports)
+        chart = self.render("--set", "http.enabled=true", "--set", "ingress.enabled=true")
+        paths = chart["Ingress", "varimesh-http"]["spec"]["rules"][0]["http"]["paths"]
+        self.assertEqual({path["backend"]["service"]["port"]["name"] for path in paths}, {"https"})
+        taken = re.search(r"location ~ \^/\((\S+)\)\$", chart["ConfigMap", "varimesh-http"]["data"]["nginx.conf"])[1]
+        self.assertEqual([path["path"] for path in paths if path["pathType"] == "Exact"], ["/", "/page.css", "/page.js", "/three.js"])
+        for path in paths:
+            self.assertRegex(path["path"].strip("/") + ("/jobs" if path["pathType"] == "Prefix" else ""), rf"^({taken})$", "the proxy takes what it gets")
+
     def test_meshes_in_a_bucket_need_no_volume(self):
         chart = self.render("--set", "meshes.bucket=s3://meshes/farm?region=eu-1")
         self.assertNotIn(("PersistentVolumeClaim", "varimesh-meshes"), chart)
@@ -233,7 +254,8 @@ class Helm(unittest.TestCase):
     def test_wrong_values_are_refused(self):
         for value, words in (("worker.replica=3", "replica"), ("worker.threads=many", "threads"), ("scaling.by=chance", "scaling.by"),
                              ("database.url=postgresql://farm:secret@db/x", "database.url"), ("meshes.storage=plenty", "storage"),
-                             ("frontend.replicas=0", "replicas"), ("image.digest=latest", "digest"), ("network.ports={70000}", "ports")):
+                             ("frontend.replicas=0", "replicas"), ("image.digest=latest", "digest"), ("network.ports={70000}", "ports"),
+                             ("http.enabled=perhaps", "enabled")):
             answer = self.helm("template", "varimesh", "varimesh", "--set", value, status=1)
             self.assertIn(words, answer)
             self.assertIn("schema", answer)

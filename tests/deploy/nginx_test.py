@@ -1,4 +1,5 @@
-"""deploy/nginx.conf: nginx accepts it, and jobs go through it, with its addresses and paths changed to those of this test.
+"""deploy/nginx.conf, and the files of nginx in deploy/farm: nginx accepts them, and jobs go through it, with addresses and paths
+changed to those of this test.
 
 Under a flood every call must succeed. With VARIMESH_MEASURE=1, on a quiet machine, the slowest hundredth must also take less than
 ten times what it takes without a flood.
@@ -13,6 +14,7 @@ import socket
 import ssl
 import subprocess
 import sys
+import textwrap
 import time
 import unittest
 from pathlib import Path
@@ -27,6 +29,7 @@ from programs import MESH, Server, WithFolder, run
 
 CONFIGURATION = os.environ["VARIMESH_SOURCE_DIR"] + "/deploy/nginx.conf"
 COMPOSE_CONFIGURATION = Path(os.environ["VARIMESH_SOURCE_DIR"]) / "deploy" / "farm" / "nginx.conf"
+HTTP_OF_PODS = COMPOSE_CONFIGURATION.parent / "kubernetes" / "overlays" / "ingress" / "http.yaml"
 NGINX = shutil.which("nginx", path=os.environ["PATH"] + ":/usr/sbin")
 MEASURES = bool(os.environ.get("VARIMESH_MEASURE"))
 
@@ -36,7 +39,7 @@ def warnings(text):
     return [line for line in text.splitlines() if "[warn]" in line and 'use the "http2" directive' not in line]
 
 
-class Nginx(WithFolder):
+class WithNginx(WithFolder):
     def setUp(self):
         super().setUp()
         done = run("certificates", self.folder, "--client", "ann")
@@ -44,23 +47,6 @@ class Nginx(WithFolder):
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.port = free.getsockname()[1]
         self.http = "127.0.0.1:8080"
-
-    def configuration(self, change=lambda text: text):
-        """The file of this test, which must differ from the one in deploy/ only in what it has to."""
-        with open(CONFIGURATION) as file:
-            text = file.read()
-        # Its workers must be able to use the socket of this user.
-        user = "user root;\n" if os.geteuid() == 0 else ""
-        for old, new in (("user www-data;\n", user), ("pid /run/nginx.pid", f"pid {self.folder}/pid"),
-                         ("unix:/run/varimesh/socket", f"unix:{self.folder}/socket"),
-                         ("http://127.0.0.1:8080", f"http://{self.http}"), ("/etc/varimesh/", f"{self.folder}/"), ("listen 443 ", f"listen 127.0.0.1:{self.port} ")):
-            self.assertIn(old, text)
-            text = text.replace(old, new)
-        path = self.folder / "nginx.conf"
-        folders = "".join(f"  {kind}_temp_path {self.folder}/{kind};\n"
-                          for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi"))
-        path.write_text(change(text.replace("http {\n", "http {\n" + folders, 1)))
-        return path
 
     def nginx(self, *arguments, **keywords):
         return [NGINX, "-e", "stderr", "-p", str(self.folder), *map(str, arguments)]
@@ -75,11 +61,6 @@ class Nginx(WithFolder):
         self.addCleanup(proxy.wait, 20)
         self.addCleanup(proxy.terminate)
 
-    def call(self, *arguments, token="", certificate=()):
-        variables = {key: value for key, value in os.environ.items() if not re.match("VARIMESH_(TOKEN|TLS)", key)}
-        return run(*arguments, "--server", f"localhost:{self.port}", "--tls-authority", self.folder / "authority.pem", *certificate,
-                   env={**variables, "VARIMESH_TOKEN": token})
-
     def ask(self, method, path, body=None, **headers):
         """A request with HTTP and JSON. Returns the code and the bytes of the answer."""
         connection = http.client.HTTPSConnection("localhost", self.port, timeout=60,
@@ -89,7 +70,8 @@ class Nginx(WithFolder):
         answer = connection.getresponse()
         return answer.status, answer.read()
 
-    def test_http_and_json_go_through_it(self):
+    def check_http_and_json(self):
+        """A job goes through nginx, and pages of other sites do not."""
         token = subprocess.run([os.environ["VARIMESHD"], "token", "ann", "--tokens", self.folder / "tokens"],
                                capture_output=True, text=True, timeout=20).stdout.strip()
         server = Server("--tokens", str(self.folder / "tokens"), "--http", "127.0.0.1:0", listen=f"unix:{self.folder}/socket")
@@ -127,6 +109,33 @@ class Nginx(WithFolder):
         self.assertIn(b"<title>VariMesh</title>", self.ask("GET", "/")[1])
         self.assertEqual(self.ask("GET", "/other")[0], 404)
         self.assertEqual(self.ask("GET", "/v1/jobs/%2e%2e%2fother")[0], 404)
+
+
+class Nginx(WithNginx):
+    def configuration(self, change=lambda text: text):
+        """The file of this test, which must differ from the one in deploy/ only in what it has to."""
+        with open(CONFIGURATION) as file:
+            text = file.read()
+        # Its workers must be able to use the socket of this user.
+        user = "user root;\n" if os.geteuid() == 0 else ""
+        for old, new in (("user www-data;\n", user), ("pid /run/nginx.pid", f"pid {self.folder}/pid"),
+                         ("unix:/run/varimesh/socket", f"unix:{self.folder}/socket"),
+                         ("http://127.0.0.1:8080", f"http://{self.http}"), ("/etc/varimesh/", f"{self.folder}/"), ("listen 443 ", f"listen 127.0.0.1:{self.port} ")):
+            self.assertIn(old, text)
+            text = text.replace(old, new)
+        path = self.folder / "nginx.conf"
+        folders = "".join(f"  {kind}_temp_path {self.folder}/{kind};\n"
+                          for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi"))
+        path.write_text(change(text.replace("http {\n", "http {\n" + folders, 1)))
+        return path
+
+    def call(self, *arguments, token="", certificate=()):
+        variables = {key: value for key, value in os.environ.items() if not re.match("VARIMESH_(TOKEN|TLS)", key)}
+        return run(*arguments, "--server", f"localhost:{self.port}", "--tls-authority", self.folder / "authority.pem", *certificate,
+                   env={**variables, "VARIMESH_TOKEN": token})
+
+    def test_http_and_json_go_through_it(self):
+        self.check_http_and_json()
 
     def test_jobs_go_through_it(self):
         token = subprocess.run([os.environ["VARIMESHD"], "token", "ann", "--tokens", self.folder / "tokens"],
@@ -254,6 +263,23 @@ class ComposeNginx(WithFolder):
         done = run("optimise", MESH, "-o", out, "--server", f"127.0.0.1:{port}")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue(out.exists())
+
+
+class InPods(WithNginx):
+    """The nginx of the pods of front ends (deploy/farm/kubernetes/overlays/ingress/http.yaml)."""
+
+    def configuration(self):
+        text = textwrap.dedent(re.search(r"^  nginx\.conf: \|\n(.*?)^---$", HTTP_OF_PODS.read_text(), re.MULTILINE | re.DOTALL)[1])
+        for old, new in (("/tmp/", f"{self.folder}/"), ("/tls/tls.crt", f"{self.folder}/server.pem"), ("/tls/tls.key", f"{self.folder}/server-key.pem"),
+                         ("http://127.0.0.1:8080", f"http://{self.http}"), ("listen 8443 ", f"listen 127.0.0.1:{self.port} ")):
+            self.assertIn(old, text)
+            text = text.replace(old, new)
+        path = self.folder / "nginx.conf"
+        path.write_text(("user root;\n" if os.geteuid() == 0 else "") + text)
+        return path
+
+    def test_http_and_json_go_through_it(self):
+        self.check_http_and_json()
 
 
 if __name__ == "__main__":
