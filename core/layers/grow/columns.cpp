@@ -18,8 +18,9 @@ using Vector = Eigen::Vector3d;
 constexpr double kSmooth = 0.766;
 /// A column leans by at most this against an element of the wall: the cosine of 89°.
 constexpr double kLeastVisible = 0.02;
-/// A column may be longer where it leans, so that the layer keeps its thickness, but not by more than 1 over this.
-constexpr double kMostLean = 0.5;
+/// A column may be longer where it leans, so that the layer keeps its thickness, but not by more than 1 over this. At
+/// the trailing edge of an aerofoil it is some seven times as long as the layer is thick.
+constexpr double kMostLean = 0.1;
 /// The edge between two columns keeps at least this share of its length at their tops.
 constexpr double kLeastShare = 0.35;
 /// A column is longer than its neighbour by at most this share of the distance between them.

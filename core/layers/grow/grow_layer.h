@@ -24,7 +24,7 @@ struct GrownLayer {
 
 /// Puts a row of quadrilaterals, prisms or hexahedra on the boundary elements of the walls, along directions that see
 /// all elements around a vertex of the wall best. Its thickness is measured along the normals of the wall; at convex
-/// edges and in concave corners the sides of its cells are up to twice as long. The rest of the mesh moves away as a
+/// edges and in concave corners the sides of its cells are up to ten times as long. The rest of the mesh moves away as a
 /// linear elastic body in which small cells are stiff. Where the wall ends at another boundary, the row follows it, and
 /// its nodes move on it: in a plane, or on the shape that the model has there, or else the mesh as it came.
 ///

@@ -12,9 +12,6 @@ namespace {
 
 using Vector = Eigen::Vector3d;
 
-/// An edge rises obliquely if the cosine between it and the normal is less.
-constexpr double kOblique = 0.5;
-
 std::vector<double> heights_along(const std::vector<Vector>& nodes, const Vector& direction) {
   std::vector<double> heights;
   for (const Vector& node : nodes) heights.push_back(direction.dot(node - nodes.front()));
@@ -27,10 +24,10 @@ bool increases(const std::vector<double>& heights) {
 
 }  // namespace
 
-EdgeHeight::EdgeHeight(const std::vector<Vector>& nodes, const Vector& normal) {
+EdgeHeight::EdgeHeight(const std::vector<Vector>& nodes, const Vector& normal, double least) {
   const Vector chord = nodes.back() - nodes.front();
   at_node_ = heights_along(nodes, normal);
-  if (total() < kOblique * chord.norm() || !increases(at_node_)) at_node_ = heights_along(nodes, chord.normalized());
+  if (total() < least * chord.norm() || !increases(at_node_)) at_node_ = heights_along(nodes, chord.normalized());
   const double step = total() / static_cast<double>(nodes.size() - 1);
   is_linear_ = true;
   for (std::size_t node = 0; node < nodes.size(); ++node)

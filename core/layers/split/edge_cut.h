@@ -14,7 +14,8 @@ class EdgeHeight {
   /// @param nodes   of the edge, equispaced in its parameter, from its beginning to its end
   /// @param normal  the unit normal of the wall at the beginning. If the edge rises too obliquely from the wall, or
   ///                not steadily, its own direction counts instead.
-  EdgeHeight(const std::vector<Eigen::Vector3d>& nodes, const Eigen::Vector3d& normal);
+  /// @param least   the edge rises too obliquely if the cosine between it and the normal is less
+  EdgeHeight(const std::vector<Eigen::Vector3d>& nodes, const Eigen::Vector3d& normal, double least = 0.5);
   /// An edge whose height is its parameter, times its total height.
   explicit EdgeHeight(double total) : at_node_{0, total}, is_linear_(true) {}
 

@@ -27,6 +27,8 @@ constexpr double kFilled = 1e-6;
 constexpr double kLeastHeight = 1e-15;
 /// What is left of a column above the layers must be at least this high, relative to the highest layer.
 constexpr double kLeastLeft = 0.01;
+/// In a row that was grown, an edge at the wall may lean as much as a column may: the cosine of 89°.
+constexpr double kLeastSeen = 0.017;
 
 std::string four_digits(double number) {
   std::ostringstream text;
@@ -113,7 +115,10 @@ class Cutter {
         std::vector<Vector> points;
         for (const std::int32_t node : nodes[at(column.edges.back().edge)]) points.push_back(point(mesh_, node));
         if (!column.edges.back().is_forward) std::ranges::reverse(points);
-        column.heights.emplace_back(points, wall.normal);
+        if (wanted_.grow > 0)
+          column.heights.emplace_back(points, wall.normal_seen_least(points.back() - points.front()), kLeastSeen);
+        else
+          column.heights.emplace_back(points, wall.normal);
         column.total += column.heights.back().total();
       }
       columns_.push_back(std::move(column));

@@ -135,24 +135,24 @@ class ColumnFinder {
     for (const auto& path : paths) {
       const auto [known, is_first] = known_.try_emplace({path[0], path[1]}, found_.columns.size());
       if (is_first) {
-        found_.columns.push_back({path, Vector::Zero(), size});
-        normals_.emplace_back();
+        found_.columns.push_back({path, Vector::Zero(), {}, size});
       }
       WallColumn& column = found_.columns[known->second];
       column.size = std::min(column.size, size);
       const auto corner = std::ranges::find(wall_nodes, path[0]) - wall_nodes.begin();
-      normals_[known->second].push_back(normals[at(corner)]);
+      column.normals.push_back(normals[at(corner)]);
     }
   }
 
   void finish_normals() {
-    for (std::size_t c = 0; c < normals_.size(); ++c) {
+    for (WallColumn& column : found_.columns) {
       Vector sum = Vector::Zero();
-      for (const Vector& normal : normals_[c]) sum += normal;
+      for (const Vector& normal : column.normals) sum += normal;
       sum.normalize();
-      const bool smooth = std::ranges::all_of(
-          normals_[c], [&](const Vector& n) { return n.dot(normals_[c].front()) > kSharp && n.dot(sum) > kSharp; });
-      if (smooth) found_.columns[c].normal = sum;
+      const bool smooth = std::ranges::all_of(column.normals, [&](const Vector& n) {
+        return n.dot(column.normals.front()) > kSharp && n.dot(sum) > kSharp;
+      });
+      if (smooth) column.normal = sum;
     }
   }
 
@@ -161,12 +161,16 @@ class ColumnFinder {
   Cells cells_;
   int rows_;
   WallColumns found_;
-  std::vector<std::vector<Vector>> normals_;  ///< By column: of the elements of the wall around it.
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> known_;
   std::map<Shape, FacetTable> tables_;
 };
 
 }  // namespace
+
+Vector WallColumn::normal_seen_least(const Vector& direction) const {
+  if (!normal.isZero(0)) return normal;
+  return *std::ranges::min_element(normals, {}, [&](const Vector& n) { return n.dot(direction); });
+}
 
 Expected<WallColumns> find_wall_columns(const CheckedMesh& mesh, std::span<const std::string> walls, int rows) {
   return ColumnFinder(mesh, rows).find(walls);

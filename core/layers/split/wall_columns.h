@@ -18,7 +18,11 @@ struct WallColumn {
   std::vector<std::int32_t> vertices;  ///< One more than there are rows, from the wall.
   /// The unit normal of the wall at its vertex, into the mesh; zero if the wall has a sharp edge there.
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  double size = 0;  ///< The length of the shortest edge of the wall there.
+  std::vector<Eigen::Vector3d> normals;  ///< Of the elements of the wall around the vertex.
+  double size = 0;                       ///< The length of the shortest edge of the wall there.
+
+  /// The normal of the wall, or where it has a sharp edge, that of the element that leans most against a direction.
+  Eigen::Vector3d normal_seen_least(const Eigen::Vector3d& direction) const;
 };
 
 struct WallColumns {

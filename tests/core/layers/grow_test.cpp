@@ -196,6 +196,52 @@ TEST(GrowLayer, KeepsSeamsInPlanes) {
       }
 }
 
+/// Triangles round the tip of a wedge of 16°, at the origin, whose sides are the wall.
+HighOrderMesh round_a_wedge(double half_angle) {
+  constexpr int kRings = 4, kAround = 12;
+  std::vector<Place> places{{0, 0, 0}};
+  std::vector<SmallCell> cells;
+  const auto index = [&](int ring, int i) { return ring == 0 ? 0 : 1 + (ring - 1) * (kAround + 1) + i; };
+  for (int ring = 1; ring <= kRings; ++ring)
+    for (int i = 0; i <= kAround; ++i) {
+      const double angle = (std::numbers::pi - half_angle) * (2.0 * i / kAround - 1);
+      places.push_back({0.5 * ring * std::cos(angle), 0.5 * ring * std::sin(angle), 0});
+    }
+  for (int ring = 0; ring < kRings; ++ring)
+    for (int i = 0; i < kAround; ++i) {
+      cells.push_back({Shape::Triangle, {index(ring, i), index(ring + 1, i), index(ring + 1, i + 1)}});
+      if (ring > 0) cells.push_back({Shape::Triangle, {index(ring, i), index(ring + 1, i + 1), index(ring, i + 1)}});
+    }
+  return small_mesh(places, cells, [&](const Place& x) {
+    return std::abs(std::abs(std::atan2(x[1], x[0])) - (std::numbers::pi - half_angle)) < 1e-9 ? 7 : 8;
+  });
+}
+
+/// At a sharp trailing edge the row and its layers are as thick as elsewhere.
+TEST(GrowLayer, KeepsItsThicknessAtASharpEdge) {
+  constexpr double kHalfAngle = 8 * std::numbers::pi / 180, kThickness = 0.03, kFirst = 1e-3;
+  const HighOrderMesh mesh = *change_order(round_a_wedge(kHalfAngle), 2);
+  const auto grown = grow(mesh, kThickness);
+  ASSERT_TRUE(grown) << grown.error().sentence;
+  expect_sound(mesh, grown->mesh);
+  EXPECT_EQ(grown->full_share, 1);
+  LayerOptions wanted = geometric(4, 0);
+  wanted.first = kFirst;
+  wanted.grow = kThickness;
+  const auto made = split(grown->mesh, wanted);
+  ASSERT_TRUE(made) << made.error().sentence;
+  EXPECT_EQ(uncertified(made->mesh), 0);
+  EXPECT_NEAR(made->report.first[1], kFirst, 1e-9);
+  double nearest = 1;  // the height above the wall of the lowest vertex behind the edge
+  for (const ElementBlock& block : made->mesh.blocks)
+    for (std::size_t e = 0; block.shape == Shape::Quadrilateral && e < block.size(); ++e)
+      for (std::size_t v = 0; v < 4; ++v)
+        if (const double* x = &made->mesh.coordinates[3 * at(block.nodes[9 * e + v])];
+            x[0] > 1e-9 && std::abs(x[1]) < 1e-9)
+          nearest = std::min(nearest, x[0] * std::sin(kHalfAngle));
+  EXPECT_NEAR(nearest, kFirst, 1e-9);
+}
+
 TEST(GrowLayer, RefusesWhereNoneCanGrow) {
   const auto sentence = [](const HighOrderMesh& mesh, double thickness, const std::string& wall) {
     const auto grown = grow(mesh, thickness, 1, {wall});

@@ -60,6 +60,7 @@ TEST(EdgeCut, MeasuresHeightsAlongTheNormal) {
   EXPECT_NEAR(EdgeHeight(leaning, {0, 1, 0}).total(), 1, 1e-15);
   const std::vector<Eigen::Vector3d> oblique{{0, 0, 0}, {3, 1, 0}};
   EXPECT_NEAR(EdgeHeight(oblique, {0, 1, 0}).total(), std::sqrt(10.0), 1e-15);
+  EXPECT_NEAR(EdgeHeight(oblique, {0, 1, 0}, 0.1).total(), 1, 1e-15);
 }
 
 TEST(EdgeCut, GradesNodesAsTheLayersGrow) {
