@@ -98,8 +98,10 @@ struct Ground {
       frame.axes.col(2) = Eigen::Vector3d(plane->normal()[0], plane->normal()[1], plane->normal()[2]);
     }
     Eigen::AlignedBox3d box;
-    for (std::int32_t node = 0; node < static_cast<std::int32_t>(mesh.node_count()); ++node)
-      box.extend(local(position(mesh, node)));
+    // Other nodes, such as the centre of an arc, may lie anywhere.
+    for (const ElementBlock& block : mesh.blocks)
+      if (reference::info(block.shape).dimension == 2)
+        for (const std::int32_t node : block.nodes) box.extend(local(position(mesh, node)));
     diagonal = box.diagonal().norm();
     // Wider than the mesh, so that each node lies inside.
     const Eigen::Vector3d corner = box.min() - Eigen::Vector3d(diagonal, diagonal, -box.diagonal()[2] / 2);

@@ -83,6 +83,19 @@ TEST(Profile, TakesAnyPlane) {
   EXPECT_EQ(dimensions(associated(mesh, circles({1, 3}, frame))), (std::vector<int>{1, 2, 1}));
 }
 
+/// Gmsh writes the centres of arcs as nodes that no cell has.
+TEST(Profile, TakesNoNoticeOfNodesThatNoCellHas) {
+  geometry::Frame frame;
+  frame.origin = {0, 0, 3};
+  HighOrderMesh mesh = ring_mesh({1, 2, 3}, kColumns);
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) mesh.coordinates[3 * node + 2] = 3;
+  mesh.coordinates.insert(mesh.coordinates.end(), {0, -20, 0});
+  mesh.node_numbers.push_back(static_cast<std::int64_t>(mesh.node_count()));
+  const Association association = associated(mesh, circles({1, 3}, frame));
+  EXPECT_EQ(association.geometry.curves.size(), 2u);
+  EXPECT_EQ(association.nodes[0].dimension, 1);
+}
+
 TEST(Profile, ScalesAGeometryInAnotherUnit) {
   const Association association = associated(ring_mesh({1, 2, 3}, kColumns), circles({1000, 3000}));
   EXPECT_DOUBLE_EQ(association.factor, 1e-3);
