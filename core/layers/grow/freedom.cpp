@@ -19,14 +19,17 @@ constexpr double kSamePlane = 1e-4;
 /// A periodic link is a translation if its pairs differ by at most this share of it.
 constexpr double kSameShift = 1e-6;
 
+}  // namespace
+
 /// What lies around a vertex on the boundary.
-struct Around {
+struct Freedoms::Around {
   struct Face {
     Vector normal;
     std::set<int> entities;
   };
   std::vector<Face> faces;      ///< One for each plane.
   std::vector<Vector> borders;  ///< Directions of edges in which two entities of one plane meet.
+  std::vector<Vector> lines;    ///< Directions of line elements inside a curved side.
   bool is_curved = false;
   bool is_on_wall = false;
 
@@ -47,6 +50,14 @@ struct Around {
     const bool has_border = std::ranges::any_of(faces, [](const Face& face) { return face.entities.size() > 1; });
     if (is_curved || (has_border && borders.empty() && !is_on_wall)) return {};
     return dimension == 2 ? along_line() : borders.empty() ? along_planes() : along_borders();
+  }
+
+  /// The same on curved sides on which the vertex may move in these directions.
+  Freedom freedom_on(const std::vector<Vector>& directions) const {
+    if (lines.empty() || directions.empty()) return Freedom::in(directions);
+    const bool is_straight =
+        std::ranges::all_of(lines, [&](const Vector& line) { return line.cross(lines[0]).norm() <= kSamePlane; });
+    return is_straight ? Freedom::in(std::span(lines).first(1)) : Freedom();
   }
 
  private:
@@ -82,8 +93,6 @@ struct Around {
     return found;
   }
 };
-
-}  // namespace
 
 Freedom Freedom::in(std::span<const Vector> directions) {
   Freedom freedom;
@@ -130,25 +139,37 @@ Freedoms::Freedoms(const HighOrderMesh& mesh, std::span<const OuterFacet> outer,
       if (is_border) here.borders.push_back(Vector(point(mesh, side[1]) - point(mesh, side[0])).normalized());
     }
   }
-  // Points and lines inside the mesh, or inside a plane, stay.
+  note_points_and_lines(mesh, around, sides);
+  freedoms_.assign(mesh.node_count(), Around().freedom(mesh.dimension));
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    const auto found = around.find(master_[n]);
+    if (found != around.end()) freedoms_[n] = found->second.freedom(mesh.dimension);
+    if (sides.has(master_[n])) freedoms_[n] = found->second.freedom_on(sides.directions(master_[n]));
+    if (stays_[at(master_[n])] != 0) freedoms_[n] = {};
+  }
+}
+
+/// Points and lines inside the mesh, or inside a plane, stay. So do they on curved sides, but vertices may slide along
+/// lines there that are straight, such as the seam of a cylinder.
+void Freedoms::note_points_and_lines(const HighOrderMesh& mesh, std::map<std::int32_t, Around>& around,
+                                     const CurvedSides& sides) {
   for (const ElementBlock& block : mesh.blocks) {
     const int dimension = reference::info(block.shape).dimension;
     if (dimension > mesh.dimension - 2) continue;
     const std::size_t stride = block.size() == 0 ? 1 : block.nodes.size() / block.size();
     for (std::size_t k = 0; k < block.nodes.size(); ++k) {
       if (k % stride > 1) continue;  // a line has two vertices
-      const Around& here = around[master(block.nodes[k])];
-      const bool is_on_border = dimension == 1 && (here.faces.size() > 1 || !here.borders.empty() ||
-                                                   sides.is_between(master(block.nodes[k])));
-      if (!here.is_on_wall && !is_on_border) stays_[at(master(block.nodes[k]))] = 1;
+      const std::int32_t vertex = master(block.nodes[k]);
+      Around& here = around[vertex];
+      if (here.is_on_wall) continue;
+      if (dimension == 1 && sides.has(vertex)) {
+        const std::size_t first = k - k % stride;
+        const Vector along = point(mesh, block.nodes[first + 1]) - point(mesh, block.nodes[first]);
+        if (!sides.is_between(vertex)) here.lines.push_back(along.normalized());
+      } else if (dimension == 0 || (here.faces.size() <= 1 && here.borders.empty())) {
+        stays_[at(vertex)] = 1;
+      }
     }
-  }
-  freedoms_.assign(mesh.node_count(), Around().freedom(mesh.dimension));
-  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
-    const auto found = around.find(master_[n]);
-    if (found != around.end()) freedoms_[n] = found->second.freedom(mesh.dimension);
-    if (sides.has(master_[n])) freedoms_[n] = Freedom::in(sides.directions(master_[n]));
-    if (stays_[at(master_[n])] != 0) freedoms_[n] = {};
   }
 }
 

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <map>
 #include <span>
 #include <vector>
 
@@ -41,7 +42,11 @@ class Freedoms {
   std::int32_t master(std::int32_t vertex) const { return master_[std::size_t(vertex)]; }
 
  private:
+  struct Around;
+
   void find_masters(const HighOrderMesh& mesh);
+  void note_points_and_lines(const HighOrderMesh& mesh, std::map<std::int32_t, Around>& around,
+                             const CurvedSides& sides);
 
   std::vector<Freedom> freedoms_;
   std::vector<std::int32_t> master_;

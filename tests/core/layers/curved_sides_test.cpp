@@ -71,6 +71,39 @@ TEST(GrowLayer, KeepsSeamsInCurvedSides) {
       }
 }
 
+/// A straight line inside a curved side, such as the seam of a cylinder, makes room along itself.
+TEST(GrowLayer, SlidesVerticesAlongSeams) {
+  HighOrderMesh mesh = simplices(4, 4, 2, false, wall_or_side);
+  ElementBlock seam{Shape::Line, 2, 9, {}, {}, {}, {}, {}};
+  const auto node_at = [&](double y) {
+    for (std::size_t n = 0; n < mesh.node_count(); ++n)
+      if (const double* x = &mesh.coordinates[3 * n]; std::hypot(x[0], x[1] - y, x[2] - 0.5) < 1e-9)
+        return static_cast<std::int32_t>(n);
+    return -1;
+  };
+  for (int part = 0; part < 4; ++part) {
+    seam.numbers.push_back(9001 + part);
+    seam.nodes.insert(seam.nodes.end(),
+                      {node_at(0.25 * part), node_at(0.25 * (part + 1)), node_at(0.25 * part + 0.125)});
+  }
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {  // the side x = 0 is a cylinder now
+    double* x = &mesh.coordinates[3 * n];
+    x[0] -= 0.3 * (1 - x[0]) * x[2] * (1 - x[2]);
+  }
+  mesh.blocks.insert(mesh.blocks.begin(), seam);
+  const auto grown = grow(mesh, 0.4);
+  ASSERT_TRUE(grown) << grown.error().sentence;
+  expect_sound(mesh, grown->mesh);
+  EXPECT_EQ(grown->full_share, 1);
+  for (const ElementBlock& block : grown->mesh.blocks)
+    for (const std::int32_t node : block.nodes)
+      if (block.entity == 9) {
+        const double* x = &grown->mesh.coordinates[3 * at(node)];
+        EXPECT_NEAR(x[0], -0.075, 1e-9);
+        EXPECT_NEAR(x[2], 0.5, 1e-9);
+      }
+}
+
 /// A sector of a ring of triangles with straight sides, between circles of radius 1 and 3. It is not spaced evenly.
 HighOrderMesh sector(const std::function<int(const Place&)>& tag_of) {
   HighOrderMesh mesh = simplices(6, 6, 1, true, tag_of);
