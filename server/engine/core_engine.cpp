@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/association/association.h"
+#include "core/association/plane/flattened.h"
 #include "core/association/plane/profile.h"
 #include "core/base/io/allowance.h"
 #include "core/base/stop_token.h"
@@ -214,17 +215,17 @@ Expected<std::optional<LayerOptions>> layers_of(const RunRequest& request) {
   return std::optional(std::move(*options));
 }
 
-/// The mesh with its CAD model, if normals of walls are to be found on it. Without a model, in a plane that is not
-/// z = constant, and if the mesh does not fit, which the run says later, there is none. Throws Interrupted if the
-/// team's token says so.
+/// The mesh with its CAD model, if normals of walls are to be found on it. Without a model, and if the mesh does not
+/// fit, which the run says later, there is none. Throws Interrupted if the team's token says so.
 std::optional<Association> associated(const CheckedMesh& of, const geometry::CadModel* model, const Team& team) {
-  if (model == nullptr || of.plane) return std::nullopt;
+  if (model == nullptr) return std::nullopt;
   const auto geometry = model->geometry();
   if (!geometry) return std::nullopt;
-  const HighOrderMesh& mesh = of.mesh;
   Expected<Association> found;
   team.run([&] {
-    found = mesh.dimension == 2 ? associate_in_plane(mesh, *geometry, team) : associate(mesh, *geometry, team);
+    found = of.plane                 ? associate_flattened(of.mesh, *of.plane, *geometry, team)
+            : of.mesh.dimension == 2 ? associate_in_plane(of.mesh, *geometry, team)
+                                     : associate(of.mesh, *geometry, team);
   });
   return found ? std::optional(std::move(*found)) : std::nullopt;
 }

@@ -192,7 +192,8 @@ Vector CurvedSides::nearest(std::int32_t node, const Vector& to) const {
   const auto most = at(dimension_ - 1);
   if (of.sides.size() == most) {
     const CurvePlace place = on_curve(of, to);
-    return place.shape == nullptr ? to : place.foot.x;
+    if (place.shape == nullptr) return to;
+    return dimension_ == 2 ? Vector(place.foot.x[0], place.foot.x[1], to[2]) : place.foot.x;
   }
   const std::array<double, 2>* place = of.sides.size() == 1 ? parameters(node, *of.sides.begin()) : nullptr;
   if (place == nullptr) return to;

@@ -4,7 +4,9 @@
 
 #include <cmath>
 
+#include "core/association/plane/flattened.h"
 #include "core/geometry/analytic.h"
+#include "core/geometry/closest_point.h"
 #include "core/mesh/plane.h"
 #include "tests/core/support/ring_mesh.h"
 
@@ -81,6 +83,24 @@ TEST(Profile, TakesAnyPlane) {
   }
   EXPECT_TRUE(lies_in_a_plane(mesh));
   EXPECT_EQ(dimensions(associated(mesh, circles({1, 3}, frame))), (std::vector<int>{1, 2, 1}));
+  // Where the mesh is in its plane, the curves are too.
+  const Team team(1);
+  Expected<Association> flat;
+  team.run([&] {
+    auto plane = Plane::of(mesh, team);
+    ASSERT_TRUE(plane);
+    plane->flatten(mesh);
+    flat = associate_flattened(mesh, *plane, circles({1, 3}, frame), team);
+  });
+  ASSERT_TRUE(flat) << flat.error().sentence;
+  EXPECT_EQ(dimensions(*flat), (std::vector<int>{1, 2, 1}));
+  for (const geometry::Curve& curve : flat->geometry.curves) {
+    const geometry::CurveFoot foot =
+        geometry::CurveSearch(*curve.shape).closest(Eigen::Map<Eigen::Vector3d>(mesh.coordinates.data()));
+    EXPECT_NEAR(foot.x[2], 0, 1e-12);
+    EXPECT_NEAR(curve.shape->at(0.3).dt[2], 0, 1e-12);
+  }
+  EXPECT_LT(flat->nodes[0].distance, 1e-12);
 }
 
 /// Gmsh writes the centres of arcs as nodes that no cell has.
