@@ -146,13 +146,14 @@ void CurvedSides::note_curves(const std::set<int>& sides) {
 
 CurvedSides::CurvePlace CurvedSides::on_curve(const OfNode& node, const Vector& to) const {
   CurvePlace place;
-  for (const auto& [number, search] : curves_) {
+  for (const auto& known : curves_) {
+    const int number = known.first;
     const geometry::Curve& curve = shapes_->geometry.curves[at(number)];
     const bool is_of_all = std::ranges::all_of(node.sides, [&](int side) {
       return dimension_ == 2 ? side == number : std::ranges::find(curve.surfaces, side) != curve.surfaces.end();
     });
     if (!is_of_all) continue;
-    const geometry::CurveFoot foot = search.closest(to);
+    const geometry::CurveFoot foot = known.second.closest(to);
     if (place.shape == nullptr || foot.distance < place.foot.distance) place = {curve.shape.get(), foot};
   }
   if (!std::isfinite(place.foot.distance)) place.shape = nullptr;

@@ -117,7 +117,7 @@ ElasticMove::Outcome ElasticMove::move(std::span<const Push> pushes, const StopT
         crushed.insert(corner.nodes.begin(), corner.nodes.begin() + dimension_ + 1);
     outcome.crushed.assign(crushed.begin(), crushed.end());
   }
-  for (std::size_t n = 0; n < places.size(); ++n) outcome.displacements.push_back(places[n] - came_[n]);
+  for (std::size_t n = 0; n < places.size(); ++n) outcome.displacements.emplace_back(places[n] - came_[n]);
   return outcome;
 }
 

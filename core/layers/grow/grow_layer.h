@@ -24,9 +24,9 @@ struct GrownLayer {
 
 /// Puts a row of quadrilaterals, prisms or hexahedra on the boundary elements of the walls, along directions that see
 /// all elements around a vertex of the wall best. Its thickness is measured along the normals of the wall; at convex
-/// edges and in concave corners the sides of its cells are up to ten times as long. The rest of the mesh moves away as a
-/// linear elastic body in which small cells are stiff. Where the wall ends at another boundary, the row follows it, and
-/// its nodes move on it: in a plane, or on the shape that the model has there, or else the mesh as it came.
+/// edges and in concave corners the sides of its cells are up to ten times as long. The rest of the mesh moves away as
+/// a linear elastic body in which small cells are stiff. Where the wall ends at another boundary, the row follows it,
+/// and its nodes move on it: in a plane, or on the shape that the model has there, or else the mesh as it came.
 ///
 /// The row gets thinner where columns would cross, where cells beyond it would be crushed, and where a cell of it would
 /// not be certified valid, or a cell that was certified valid would no longer be.

@@ -89,7 +89,7 @@ class Grower {
           direction += weights(static_cast<Eigen::Index>(k), v) * rise.normalized();
           length += weights(static_cast<Eigen::Index>(k), v) * rise.norm();
         }
-        rises_.push_back(length * direction.normalized());
+        rises_.emplace_back(length * direction.normalized());
       }
     }
   }

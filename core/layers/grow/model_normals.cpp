@@ -38,14 +38,13 @@ Eigen::Vector3d ModelNormals::of_curve(std::int32_t element, std::int32_t node) 
 
 /// Zero if it is not known.
 Eigen::Vector3d ModelNormals::of_surface(std::int32_t element, std::int32_t node) const {
-  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
   const Cells::Range& range = elements_.range_of(varimesh::at(element));
   const std::vector<int>& surfaces = model_->surface_of_element[std::size_t(range.block - mesh_.blocks.data())];
   const std::size_t in_block = varimesh::at(element) - range.first;
-  if (in_block >= surfaces.size() || surfaces[in_block] < 0) return none;
+  if (in_block >= surfaces.size() || surfaces[in_block] < 0) return Eigen::Vector3d::Zero();
   const SurfaceNodes& of = model_->surfaces[varimesh::at(surfaces[in_block])];
   const auto found = std::ranges::lower_bound(of.nodes, node);
-  if (found == of.nodes.end() || *found != node) return none;
+  if (found == of.nodes.end() || *found != node) return Eigen::Vector3d::Zero();
   const auto& [u, v] = of.parameters[std::size_t(found - of.nodes.begin())];
   const geometry::SurfaceShape& shape = *model_->geometry.surfaces[varimesh::at(surfaces[in_block])].shape;
   return shape.normal(shape.at(u, v), u, v);
