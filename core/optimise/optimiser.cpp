@@ -153,7 +153,13 @@ Expected<Result> optimise(CheckedMesh mesh, const Options& options, const OnIter
   const NodesWithParameters with_parameters(mesh.mesh);
   const Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(mesh), options, may_stop ? &stop : nullptr);
   if (!prepared) return tl::unexpected(prepared.error());
-  Result result = optimise_set_up(**prepared, on_iteration, control, stop);
+  RunControl in_plane = control;
+  if (plane && control.show_mesh)
+    in_plane.show_mesh = [&](const MeshOnTheWay& shown) {
+      plane->put_back(shown.mesh);
+      control.show_mesh(shown);
+    };
+  Result result = optimise_set_up(**prepared, on_iteration, in_plane, stop);
   with_parameters.forget_moved(result.mesh);
   if (plane) put_in_space(*plane, result);
   return result;

@@ -172,6 +172,13 @@ void Run::finish_mesh() {
   keep_the_better();
 }
 
+void Run::show_mesh() {
+  if (!control_.mesh_wanted || !control_.mesh_wanted()) return;
+  HighOrderMesh mesh = with_coordinates(set_up_.mesh, guard_->latest_coordinates());
+  const CellQuality quality = cell_quality(mesh, team_.without_stop());
+  control_.show_mesh({mesh, quality.scaled_jacobian, guard_->latest_certificates()});
+}
+
 void Run::raise_low() {
   const std::vector<char> hopeless = cells_beyond_repair(result_.unrepairable, certificates_.size());
   const std::vector<double> coordinates = result_.mesh.coordinates;
@@ -313,6 +320,7 @@ void Run::descend(bool last) {
         return stage_run_->write(sink, fingerprint, [this](CheckpointWriter& writer) { descent_->write(writer); });
       });
     result_.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
+    show_mesh();
     if (!result_.stopped) continue;
     result_.stop_reason = StopReason::Stopped;
     break;

@@ -85,6 +85,8 @@ class Run {
   bool resume();
   std::optional<StopReason> begin_next_stage();
   void iterate();
+  /// Shows the mesh of the last iteration if somebody wants to see it.
+  void show_mesh();
   bool has_minimum_to_raise();
   void try_to_end_here();
   double consider();

@@ -3,11 +3,14 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string_view>
 
 #include "core/base/spare_memory.h"
 #include "core/base/work_meter.h"
+#include "core/mesh/high_order_mesh.h"
 #include "core/optimise/iteration.h"
+#include "core/validity/certificate.h"
 
 namespace varimesh {
 
@@ -20,6 +23,13 @@ using OnIteration = std::function<Control(const Iteration&)>;
 using CheckpointSink = std::function<bool(std::string_view)>;
 /// Writes a checkpoint piece by piece. False if the sink stopped it.
 using WriteCheckpoint = std::function<bool(const CheckpointSink&)>;
+
+/// The mesh as an iteration has left it, for those who watch the run.
+struct MeshOnTheWay {
+  HighOrderMesh& mesh;                       ///< A copy, which whoever is told may change.
+  std::span<const double> scaled_jacobians;  ///< Of each cell, in the mesh's order, as in CellQuality.
+  std::span<const Certificate> certificates;
+};
 
 /// What a run asks the caller. Everything except stop_asked is asked between iterations, on the thread that called the
 /// run. Everything may be left empty.
@@ -47,6 +57,10 @@ struct RunControl {
   /// Asked for the Hessians of untangling if they need more than memory_needed() counts on. Without it the result is
   /// the same, but untangling of large patches takes up to fourteen times as long.
   SpareMemory spare_memory;
+  /// Whether somebody wants to see the mesh as it is now. Called after OnIteration.
+  std::function<bool()> mesh_wanted;
+  /// Called if mesh_wanted said yes. The mesh may have lost certificates that the result will have.
+  std::function<void(const MeshOnTheWay&)> show_mesh;
   /// Untangling takes small patches only: one layer of cells around those to be repaired, in place of two and then
   /// four. The runs of Repair::Split are like this: a split does what a larger patch would. On four meshes of CAD
   /// parts a second layer repaired nothing more, and two of them took four times as long.

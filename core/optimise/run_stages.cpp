@@ -143,6 +143,7 @@ void Run::iterate() {
     if (!reason && control_.checkpoint_due && stage_run_->can_be_kept() && control_.checkpoint_due(last))
       control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });
     stopped = on_iteration_ && on_iteration_(last) == Control::Stop;
+    show_mesh();
   }
   note_last_iteration();
   result_.converged = stage_run_->converged();

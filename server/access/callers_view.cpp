@@ -98,6 +98,12 @@ Answer<std::shared_ptr<EventLog>> CallersView::events(const std::string& name) c
   return scheduler_->events(name);
 }
 
+Answer<std::shared_ptr<const std::string>> CallersView::watch_mesh(const std::string& name) const {
+  const auto log = events(name);
+  if (!log) return tl::unexpected(log.error());
+  return (*log)->watch_mesh();
+}
+
 // ===== meshes =====
 
 Answer<UploadTicket> CallersView::begin_upload(const std::string& id, const std::string& digest,

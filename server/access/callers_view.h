@@ -27,6 +27,8 @@ class CallersView {
   Answer<v1::Job> cancel(const std::string& name) const;
   Answer<v1::Job> remove(const std::string& name) const;
   Answer<std::shared_ptr<EventLog>> events(const std::string& name) const;
+  /// The mesh of a running job as an iteration has left it; null if it has shown none yet (EventLog::watch_mesh()).
+  Answer<std::shared_ptr<const std::string>> watch_mesh(const std::string& name) const;
 
   // As MeshStore has them.
   Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) const;

@@ -181,6 +181,33 @@ grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
   return status(offset_outside_mesh(offset, size));
 }
 
+/// Reads what a running job has shown of its mesh.
+class ShownMesh : public BlobReader {
+ public:
+  explicit ShownMesh(std::shared_ptr<const std::string> bytes) : bytes_(std::move(bytes)) {}
+
+  std::int64_t size() const override { return static_cast<std::int64_t>(bytes_->size()); }
+  Answer<Piece> read(std::int64_t offset, bool) override {
+    std::string piece = bytes_->substr(static_cast<std::size_t>(offset), kMaxChunkBytes);
+    const auto size = static_cast<std::int64_t>(piece.size());
+    return Piece{std::move(piece), size, false};
+  }
+
+ private:
+  const std::shared_ptr<const std::string> bytes_;
+};
+
+/// The mesh that a request names, or that the job of the request has shown; null: it has shown none yet.
+Answer<std::unique_ptr<BlobReader>> open_reader(const CallersView& view, const v1::DownloadMeshRequest& request) {
+  if (request.job().empty()) return view.read(request.digest());
+  if (!request.digest().empty()) return bad_request("Name a mesh or a job, not both.");
+  if (request.offset() != 0)
+    return bad_request("The mesh of a running job is another one at each call; begin at offset 0.");
+  auto bytes = view.watch_mesh(request.job());
+  if (!bytes) return tl::unexpected(bytes.error());
+  return *bytes == nullptr ? nullptr : std::make_unique<ShownMesh>(std::move(*bytes));
+}
+
 }  // namespace
 
 MeshService::MeshService(const ApiContext& api) : api_(api) {
@@ -242,9 +269,11 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::download(Call* 
         return Stream::Source([view, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
           const std::int64_t offset = state->request.offset();
           if (state->reader == nullptr) {
-            if (!state->check) state->check = view.check(state->request.digest());
+            if (!state->check)
+              state->check = state->request.job().empty() ? view.check(state->request.digest()) : nullptr;
             if (*state->check != nullptr && (*state->check)->step()) return Pull::Again;
-            auto reader = view.read(state->request.digest());
+            auto reader = open_reader(view, state->request);
+            if (reader && *reader == nullptr) return Pull::End;
             *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
             if (!ended->ok()) return Pull::End;
             state->reader = std::move(*reader);

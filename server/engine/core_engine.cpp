@@ -351,6 +351,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const int most = most_threads(pairs_of_nodes(mesh, in_the_end), kPairsPerThread);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
+  show_while_running(control, mesh, hooks);
   request.options.threads = std::min(request.options.threads, most);
   if (*geometry && checked->plane) checked->plane->put_back(mesh);  // the geometry is in space
   auto result = request.quality ? judge(std::move(*checked), *request.quality, request.options, hooks)

@@ -59,6 +59,11 @@ struct RunHooks {
   std::function<void(const std::string&)> on_note;
   /// Called when another way to slide begins, and once more when it has ended. May be empty.
   std::function<void(const v1::SlideTrial&)> on_slide_trial;
+  /// Whether somebody watches the mesh move. Empty: nobody ever does.
+  std::function<bool()> mesh_watched;
+  /// Takes the mesh as an iteration has left it, if somebody watches: the bytes of MESH_FORMAT_PARTS and behind them
+  /// those of MESH_FORMAT_CELL_QUALITY.
+  std::function<void(std::string bytes)> show_mesh;
   /// Checkpoints, threads, and whether the run is to stop, as the library asks for them. `control.checkpoint` is what
   /// an earlier attempt at the job has saved. If it can be used, the run continues from there, to the same bytes as
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`

@@ -9,7 +9,6 @@
 
 #include "core/base/io/allowance.h"
 #include "core/base/utf8.h"
-#include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {
 namespace {
@@ -267,23 +266,21 @@ Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const Sink& sink) {
   return {};
 }
 
-Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const Sink& sink) {
+Expected<void> write_cell_quality(const HighOrderMesh& mesh, std::span<const double> scaled_jacobians,
+                                  const std::function<v1::CellAnswer(std::size_t cell)>& answer_of, const Sink& sink) {
   constexpr std::size_t kCells = 32768;  // at most 19 bytes per cell
   std::vector<std::int64_t> numbers;
   for (const ElementBlock& block : mesh.blocks)
     if (reference::info(block.shape).dimension == mesh.dimension)
       numbers.insert(numbers.end(), block.numbers.begin(), block.numbers.end());
-  const std::span<const double> scaled = marks.scaled_jacobian(), certified = marks.certified();
   v1::MeshPart part;
   for (std::size_t first = 0; first < numbers.size(); first += kCells) {
     v1::CellQuality& cells = *part.mutable_cell_quality();
     cells.Clear();
     for (std::size_t i = first; i < std::min(first + kCells, numbers.size()); ++i) {
       cells.add_numbers(numbers[i]);
-      cells.add_scaled_jacobians(scaled[i]);
-      cells.add_answers(certified[i] > 0   ? v1::CELL_ANSWER_VALID
-                        : certified[i] < 0 ? v1::CELL_ANSWER_INVALID
-                                           : v1::CELL_ANSWER_UNDECIDED);
+      cells.add_scaled_jacobians(scaled_jacobians[i]);
+      cells.add_answers(answer_of(i));
     }
     if (auto done = put(part, sink); !done) return done;
   }

@@ -2,13 +2,16 @@
 // this format instead of a mesh file.
 #pragma once
 
+#include <cstddef>
+#include <functional>
+#include <span>
 #include <string_view>
 
 #include "core/base/error.h"
 #include "core/base/stop_token.h"
 #include "core/formats/formats.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/optimise/marks/marks.h"
+#include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {
 
@@ -21,6 +24,8 @@ Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes, const StopToken*
 Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const Sink& sink);
 
 /// Writes the quality of each cell as parts of at most 1 MiB. Errors: Output if the sink stops.
-Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const Sink& sink);
+/// @param answer_of  what is proved about a cell, by its place in the mesh's order
+Expected<void> write_cell_quality(const HighOrderMesh& mesh, std::span<const double> scaled_jacobians,
+                                  const std::function<v1::CellAnswer(std::size_t cell)>& answer_of, const Sink& sink);
 
 }  // namespace varimesh::server

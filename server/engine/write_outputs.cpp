@@ -1,6 +1,8 @@
 #include "server/engine/write_outputs.h"
 
+#include <algorithm>
 #include <atomic>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -65,8 +67,16 @@ class Writing {
 Expected<void> write_mesh(const Result& result, std::span<const double> thickness, v1::MeshFormat format, int threads,
                           const Sink& sink, Writing& writing) {
   if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
-  if (format == v1::MESH_FORMAT_CELL_QUALITY)
-    return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);
+  if (format == v1::MESH_FORMAT_CELL_QUALITY) {
+    const CellMarks marks(result.mesh, {}, threads);
+    const auto answer_of = [&](std::size_t cell) {
+      const double certified = marks.certified()[cell];
+      return certified > 0   ? v1::CELL_ANSWER_VALID
+             : certified < 0 ? v1::CELL_ANSWER_INVALID
+                             : v1::CELL_ANSWER_UNDECIDED;
+    };
+    return write_cell_quality(result.mesh, marks.scaled_jacobian(), answer_of, sink);
+  }
   if (format == v1::MESH_FORMAT_VTU) {
     const CellMarks marks(result.mesh, result.unrepairable, threads, thickness);
     return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads, &writing.stop_from_now());
@@ -84,7 +94,52 @@ Expected<void> write_mesh(const Result& result, std::span<const double> thicknes
   return write(marked, thickness_of_parts(thickness, cells));
 }
 
+/// The nodes of the largest mesh that is shown while its run goes on, and the most bytes of what is shown.
+constexpr std::size_t kMostShownNodes = 100'000, kMostShownBytes = std::size_t{7} << 20;
+
+/// The mesh as its parts and the quality of its cells; empty if it has too many bytes.
+std::string bytes_of(const MeshOnTheWay& shown) {
+  std::string bytes;
+  const Sink sink = [&](std::string_view more) {
+    bytes += more;
+    return bytes.size() <= kMostShownBytes;
+  };
+  const auto answer_of = [&](std::size_t cell) {
+    switch (shown.certificates[cell].answer) {
+      case Certificate::Answer::Valid:
+        return v1::CELL_ANSWER_VALID;
+      case Certificate::Answer::Invalid:
+        return v1::CELL_ANSWER_INVALID;
+      case Certificate::Answer::Undecided:
+        break;
+    }
+    return v1::CELL_ANSWER_UNDECIDED;
+  };
+  const bool is_whole =
+      write_mesh_parts(shown.mesh, sink) && write_cell_quality(shown.mesh, shown.scaled_jacobians, answer_of, sink);
+  return is_whole ? bytes : "";
+}
+
 }  // namespace
+
+void show_while_running(RunControl& control, const HighOrderMesh& mesh, const RunHooks& hooks) {
+  if (!hooks.mesh_watched || !hooks.show_mesh || mesh.node_count() > kMostShownNodes) return;
+  static constexpr double kLeastPause = 0.5, kPausesOfCost = 19;
+  struct Clock {
+    Stopwatch watch;
+    double began = 0, next = 0;  ///< In seconds.
+  };
+  const auto clock = std::make_shared<Clock>();
+  control.mesh_wanted = [&hooks, clock] {
+    clock->began = clock->watch.seconds();
+    return clock->began >= clock->next && hooks.mesh_watched();
+  };
+  control.show_mesh = [&hooks, clock](const MeshOnTheWay& shown) {
+    if (std::string bytes = bytes_of(shown); !bytes.empty()) hooks.show_mesh(std::move(bytes));
+    const double now = clock->watch.seconds();
+    clock->next = now + std::max(kLeastPause, kPausesOfCost * (now - clock->began));
+  };
+}
 
 std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as) {
   if (outputs.empty()) outputs.push_back(v1::MESH_FORMAT_UNSPECIFIED);

@@ -19,4 +19,8 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
 Expected<bool> write_outputs(const Result& result, std::span<const double> thickness, const RunRequest& request,
                              v1::MeshFormat read_as, const RunHooks& hooks);
 
+/// Has a run show its mesh while somebody watches (RunHooks::mesh_watched): at most twice per second, and for at most a
+/// twentieth of its time. Large meshes are not shown. `hooks` must outlive the run.
+void show_while_running(RunControl& control, const HighOrderMesh& mesh, const RunHooks& hooks);
+
 }  // namespace varimesh::server

@@ -177,12 +177,13 @@ void HttpExchange::pass_on(grpc::ClientContext& context) const {
 void HttpExchange::begin_bytes(const ByteRange& range, std::int64_t size, const std::string& digest) {
   const std::string part = "Content-Range: bytes " + std::to_string(range.first) + "-" + std::to_string(range.end - 1) +
                            "/" + std::to_string(size) + "\r\n";
+  const std::string tag = digest.empty() ? "" : "Accept-Ranges: bytes\r\nETag: \"" + digest + "\"\r\n";
   mg_printf(connection_,
-            "HTTP/1.1 %s\r\nContent-Type: %s\r\nContent-Length: %lld\r\n%sAccept-Ranges: bytes\r\nETag: \"%s\"\r\n"
+            "HTTP/1.1 %s\r\nContent-Type: %s\r\nContent-Length: %lld\r\n%s%s"
             "Content-Disposition: attachment\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
             "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n\r\n",
             range.is_part ? "206 Partial Content" : "200 OK", kBytesType.data(),
-            static_cast<long long>(range.end - range.first), range.is_part ? part.c_str() : "", digest.c_str());
+            static_cast<long long>(range.end - range.first), range.is_part ? part.c_str() : "", tag.c_str());
 }
 
 bool HttpExchange::send(std::string_view bytes) {

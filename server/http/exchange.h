@@ -88,7 +88,7 @@ class HttpExchange {
       refuse(status);
   }
 
-  /// Begins to answer with some bytes of a file of this size.
+  /// Begins to answer with some bytes of a file of this size. `digest`: empty: no part of it can be asked for.
   void begin_bytes(const ByteRange& range, std::int64_t size, const std::string& digest);
   /// Sends some of them. Returns false if the client is gone, or does not take them for half a minute.
   bool send(std::string_view bytes);

@@ -127,6 +127,8 @@ void Gateway::answer(HttpExchange& exchange, const Route& route, const std::stri
       return work_long(exchange, route.call, watches_, [&] { send_events(exchange, *jobs_, job); });
     case Route::To::Result:
       return work_long(exchange, route.call, transfers_, [&] { send_result(exchange, *jobs_, *meshes_, job); });
+    case Route::To::Mesh:
+      return work_long(exchange, route.call, transfers_, [&] { send_mesh_of(exchange, *meshes_, job); });
     case Route::To::SendMesh:
       return work_long(exchange, route.call, transfers_, [&] { receive_mesh(exchange, *meshes_); });
     case Route::To::QueryUpload:

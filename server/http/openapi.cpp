@@ -165,8 +165,11 @@ class Document {
   Json operation(const Route& route) {
     const bool is_call = !route.rpc.empty();
     const std::string name = is_call ? std::string(route.rpc) : "GetDocument";
-    Json made = {{"operationId", route.method == "PUT" ? name + "ByPut" : name}};
-    if (is_call)
+    const bool is_watched = route.to == Route::To::Mesh;  // one of two addresses of the same call
+    Json made = {{"operationId", route.method == "PUT" ? name + "ByPut" : is_watched ? name + "OfRunningJob" : name}};
+    if (is_watched)
+      made["description"] = comment(*message("DownloadMeshRequest").FindFieldByName("job"));
+    else if (is_call)
       made["description"] = comment(contract_.method(std::string(route.service) + "." + name));
     else
       made["description"] = "Returns this document.";

@@ -75,6 +75,7 @@ std::span<const Route> routes() {
        {},
        kBytesType,
        {{"format", "StoredMesh", "format"}}},
+      {To::Mesh, "GET", "/v1/jobs/{job}/mesh", Method::DownloadMesh, kMeshes, "DownloadMesh", {}, kBytesType, {}},
       {To::SendMesh, "POST", "/v1/meshes", Method::SendMesh, kMeshes, "SendMesh", {kBytesType}, kJsonType, kUpload},
       {To::SendMesh, "PUT", "/v1/meshes", Method::SendMesh, kMeshes, "SendMesh", {kBytesType}, kJsonType, kUpload},
       {To::QueryUpload,

@@ -30,6 +30,7 @@ struct Route {
     Cancel,
     Events,
     Result,
+    Mesh,
     SendMesh,
     QueryUpload,
   };

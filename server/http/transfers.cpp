@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <optional>
+#include <utility>
 
 #include "core/base/sha256.h"
 #include "server/api/requests.h"
@@ -231,6 +232,27 @@ void send_result(HttpExchange& exchange, v1::JobService::Stub& jobs, v1::MeshSer
     return exchange.refuse(status(offset_outside_mesh(result->size(), result->size())), 416,
                            "Content-Range: bytes */" + std::to_string(result->size()) + "\r\n");
   send_bytes(exchange, meshes, *result, *range);
+}
+
+void send_mesh_of(HttpExchange& exchange, v1::MeshService::Stub& meshes, const std::string& job) {
+  if (const auto fields = exchange.query(); !fields || !fields->empty())
+    return exchange.refuse(status(bad_request("This address has no fields.")));
+  v1::DownloadMeshRequest request;
+  request.set_job(job);
+  grpc::ClientContext context;
+  exchange.pass_on(context);
+  const auto reader = meshes.DownloadMesh(&context, request);
+  v1::DownloadMeshResponse piece;
+  bool begun = false, goes_on = true;
+  while (goes_on && reader->Read(&piece)) {
+    if (!std::exchange(begun, true)) exchange.begin_bytes({0, piece.size(), false}, piece.size(), "");
+    goes_on = exchange.send(piece.chunk().data());
+  }
+  if (!goes_on) context.TryCancel();  // the client is gone
+  const grpc::Status status = reader->Finish();
+  if (begun) return;
+  if (!status.ok()) return exchange.refuse(status);
+  exchange.answer_nothing();
 }
 
 void receive_job(HttpExchange& exchange, v1::OptimiseService::Stub& optimise, const std::string& request_id) {

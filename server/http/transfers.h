@@ -25,4 +25,8 @@ void receive_job(HttpExchange& exchange, v1::OptimiseService::Stub& optimise, co
 void send_result(HttpExchange& exchange, v1::JobService::Stub& jobs, v1::MeshService::Stub& meshes,
                  const std::string& job);
 
+/// Answers with what a running job has shown of its mesh (DownloadMeshRequest.job), or with 204 if there is nothing to
+/// see.
+void send_mesh_of(HttpExchange& exchange, v1::MeshService::Stub& meshes, const std::string& job);
+
 }  // namespace varimesh::server

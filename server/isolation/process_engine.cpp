@@ -27,6 +27,7 @@
 #include "server/isolation/plain_texts.h"
 #include "server/isolation/reported_work.h"
 #include "server/isolation/said.h"
+#include "server/isolation/steering.h"
 #include "server/isolation/thread_watch.h"
 #include "server/isolation/worker.pb.h"
 #include "server/isolation/worker_process.h"
@@ -136,14 +137,7 @@ class Conversation {
 
   // === What the process is told all the time ===
 
-  worker::Steering steering() const {
-    worker::Steering steering;
-    steering.set_threads(hooks_.control.threads ? hooks_.control.threads() : request_.options.threads);
-    steering.set_stop(hooks_.control.stop_asked());
-    steering.set_given_up(hooks_.given_up && hooks_.given_up());
-    steering.set_full(full_);
-    return steering;
-  }
+  worker::Steering steering() const { return steering_by(hooks_, request_.options.threads, full_); }
 
   void steer() {
     worker::ToWorker message;
@@ -206,6 +200,9 @@ class Conversation {
         return;
       case worker::FromWorker::kSlideTrial:
         return tell_trial(message.slide_trial());
+      case worker::FromWorker::kShownMesh:
+        if (hooks_.show_mesh && steering().watched()) hooks_.show_mesh(message.shown_mesh());
+        return;
       case worker::FromWorker::kReading:
         return admit_reading(message.reading().least(), message.reading().most());
       case worker::FromWorker::kRunning:

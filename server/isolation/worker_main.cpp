@@ -33,6 +33,7 @@
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/channel.h"
+#include "server/isolation/mapped_file.h"
 #include "server/isolation/socket_of_worker.h"
 #include "server/isolation/worker.pb.h"
 
@@ -51,23 +52,6 @@ constexpr std::size_t kPieceBytes = std::size_t{512} << 10;
 constexpr std::int64_t kBytesBeforeReading = std::int64_t{1} << 30;
 /// Iterations in one message of the history.
 constexpr int kIterationsPerPart = 10'000;
-
-/// An open file as bytes.
-class MappedFile : public Blob {
- public:
-  MappedFile(int file, std::int64_t size) : size_(static_cast<std::size_t>(size)) {
-    if (size_ > 0) data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file, 0);
-    if (data_ == MAP_FAILED) throw std::bad_alloc();
-  }
-  ~MappedFile() override {
-    if (size_ > 0) ::munmap(data_, size_);
-  }
-  std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
-
- private:
-  const std::size_t size_;
-  void* data_ = nullptr;
-};
 
 /// This process's side of the conversation. Its thread takes what the server says.
 class Conversation {
@@ -96,6 +80,7 @@ class Conversation {
   bool stops() const { return stop_.load(std::memory_order_relaxed); }
   bool given_up() const { return given_up_; }
   bool full() const { return full_; }
+  bool watched() const { return watched_; }
 
  private:
   void take_all() {
@@ -115,6 +100,7 @@ class Conversation {
     threads_ = std::max(1, steering.threads());
     given_up_ = steering.given_up();
     full_ = steering.full();
+    watched_ = steering.watched();
     stop_ = steering.stop();
   }
 
@@ -124,7 +110,7 @@ class Conversation {
   std::optional<worker::Answer> answer_;
   int file_ = -1;
   std::atomic<int> threads_ = 1;
-  std::atomic<bool> stop_ = false, given_up_ = false, full_ = false;
+  std::atomic<bool> stop_ = false, given_up_ = false, full_ = false, watched_ = false;
 };
 
 /// Collects the pieces of an output.
@@ -188,6 +174,12 @@ RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, Kerne
   hooks.on_slide_trial = [&](const v1::SlideTrial& trial) {
     worker::FromWorker message;
     *message.mutable_slide_trial() = trial;
+    server.say(message);
+  };
+  hooks.mesh_watched = [&] { return server.watched(); };
+  hooks.show_mesh = [&](std::string bytes) {
+    worker::FromWorker message;
+    message.set_shown_mesh(std::move(bytes));
     server.say(message);
   };
   hooks.control.meter = &meter;

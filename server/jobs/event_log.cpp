@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 #include "server/jobs/timestamps.h"
 
@@ -74,11 +75,29 @@ std::optional<v1::Work> EventLog::work_after(std::int64_t& seen) const {
   return work_;
 }
 
+std::shared_ptr<const std::string> EventLog::watch_mesh() {
+  std::lock_guard lock(mutex_);
+  mesh_watched_ = std::chrono::steady_clock::now();
+  return mesh_;
+}
+
+bool EventLog::is_mesh_watched() const {
+  constexpr std::chrono::seconds kLast{10};
+  std::lock_guard lock(mutex_);
+  return mesh_watched_ && !closed_ && std::chrono::steady_clock::now() - *mesh_watched_ < kLast;
+}
+
+void EventLog::show_mesh(std::shared_ptr<const std::string> bytes) {
+  std::lock_guard lock(mutex_);
+  if (!closed_) mesh_ = std::move(bytes);
+}
+
 bool EventLog::close() {
   {
     std::lock_guard lock(mutex_);
     if (closed_) return false;
     closed_ = true;
+    mesh_.reset();
   }
   notify();
   return true;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "varimesh/v1/job.pb.h"
@@ -51,6 +52,13 @@ class EventLog {
   void set_work(v1::Work work);
   /// Returns the work if it is newer than number `seen`, which becomes its number.
   std::optional<v1::Work> work_after(std::int64_t& seen) const;
+  /// Somebody wants to see the mesh of the running job. Returns the newest that the run has shown
+  /// (RunHooks::show_mesh); null if there is none yet. It is forgotten when the log is closed, or the attempt ends.
+  std::shared_ptr<const std::string> watch_mesh();
+  /// Whether somebody has wanted to see the mesh within the last seconds.
+  bool is_mesh_watched() const;
+  /// Keeps what the run shows, in place of what it showed before; null: it shows nothing any more.
+  void show_mesh(std::shared_ptr<const std::string> bytes);
   /// States that no events will follow, so that watchers that have delivered everything are at the end.
   /// Returns whether this was not stated before.
   bool close();
@@ -88,10 +96,12 @@ class EventLog {
   std::int64_t last_sequence_ = 0;
   std::int64_t dropped_through_ = 0;  ///< The number of the newest iteration that was dropped.
   bool closed_ = false;
-  std::vector<v1::JobEvent> kept_;       ///< States, quality, log lines.
-  std::deque<v1::JobEvent> iterations_;  ///< The newest ones.
-  std::optional<v1::Work> work_;         ///< The newest, if no event has come since.
-  std::int64_t works_ = 0;               ///< How many there have been.
+  std::vector<v1::JobEvent> kept_;           ///< States, quality, log lines.
+  std::deque<v1::JobEvent> iterations_;      ///< The newest ones.
+  std::shared_ptr<const std::string> mesh_;  ///< The newest that the run has shown.
+  std::optional<std::chrono::steady_clock::time_point> mesh_watched_;
+  std::optional<v1::Work> work_;  ///< The newest, if no event has come since.
+  std::int64_t works_ = 0;        ///< How many there have been.
   std::vector<std::weak_ptr<Listener>> listeners_;
 };
 

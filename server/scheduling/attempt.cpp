@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <exception>
+#include <memory>
 #include <new>
 #include <optional>
 #include <utility>
@@ -244,6 +245,10 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
     return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop
                                                                                       : Control::Continue;
   };
+  hooks.mesh_watched = [&] { return attempt.log.is_mesh_watched(); };
+  hooks.show_mesh = [&](std::string bytes) {
+    attempt.log.show_mesh(std::make_shared<const std::string>(std::move(bytes)));
+  };
   hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
   hooks.on_slide_trial = [&](const v1::SlideTrial& trial) { progress.note(trial); };
   hooks.control.stop_asked = [&] { return stop_at_once() || (!can_be_saved && attempt.stopping()); };
@@ -312,6 +317,7 @@ Ending run_attempt(const Attempt& attempt) {
           attempt.waits_for_room();
         });
     const Ending ending = run(attempt, progress, room);
+    attempt.log.show_mesh(nullptr);
     if (!room.gave_up()) return ending;
     // There is no room for what the run has made, and a cancel does not wait for it.
     Ending early;

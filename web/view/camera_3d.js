@@ -121,13 +121,19 @@ class Shared3d {
     if (fills) this.reset();
   }
 
+  /** The mesh has moved: what was made of the one before is made again when it is needed. */
+  forget(scene) {
+    Object.assign(this, {scene, corners: null, loading: null, hasAll: !scene.more && !scene.makeMore});
+  }
+
   /** Unpacks the corners of all cells when something is shown for the first time that needs them. */
   async load() {
     if (this.hasAll) return;
     document.documentElement.dataset.busy = 'yes';
-    this.loading ??= this.scene.makeMore?.() ?? unpack(document.getElementById('more').textContent, this.scene.more);
-    this.corners = new CornerCells(await this.loading, 'all');
-    this.hasAll = true;
+    const {scene} = this;
+    this.loading ??= scene.makeMore?.() ?? unpack(document.getElementById('more').textContent, scene.more);
+    const corners = new CornerCells(await this.loading, 'all');
+    if (scene === this.scene) Object.assign(this, {corners, hasAll: true});
     delete document.documentElement.dataset.busy;
   }
 

@@ -11,6 +11,13 @@ class Overlay {
     this.marks = [];
     this.axes = ['x', 'y', 'z'].map((name) => draw('g', {visibility: 'hidden'}, draw('line', {class: 'ring'}), draw('text', {}, name)));
     this.svg.append(...this.axes);
+    this.show(rings, crosses);
+  }
+
+  /** Shows these marks in place of those before. */
+  show(rings, crosses) {
+    for (const {node} of this.marks) node.remove();
+    this.marks = [];
     for (const {place} of crosses) this.add(place, [crossMark()]);
     rings.slice(0, RINGS).forEach(({place}, i) => this.add(place, [
       draw('circle', {class: 'halo', r: 9}), draw('circle', {class: 'ring', r: 9}), draw('text', {x: 12, y: -6}, String(i + 1)),

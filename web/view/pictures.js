@@ -24,14 +24,17 @@ function button(text, act) {
 function closeUp(section, scene, paths, table, crosses) {
   const one = scene.worst[scene.snapshots[0]][0];
   const viewport = new Viewport2d(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
-  if (8 * one.size > viewport.span / 4) return;
+  if (8 * one.size > viewport.span / 4) return [];
   const {boxes, columns} = viewBoxes(scene.snapshots);
   section.append(make('h2', {}, scene.snapshots.length > 1 ? 'Around the element that was worst' : 'Around the worst element'), columns);
   viewport.show(one.place[0] - scene.centre[0], one.place[1] - scene.centre[1], 8 * one.size);
-  for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
+  return scene.snapshots.map((snapshot) => new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses));
 }
 
-/** Adds the 2-D views. Returns {go(place, size)}, which shows a place in all of them. */
+/**
+ * Adds the 2-D views. Returns {go(place, size), show(scene, arrays, table)}: shows a place in all of them, or a mesh that has moved
+ * in place of the one before.
+ */
 function pictures2d(section, scene, arrays, table, crosses) {
   const {boxes, columns} = viewBoxes(scene.snapshots);
   const viewport = new Viewport2d(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
@@ -42,9 +45,13 @@ function pictures2d(section, scene, arrays, table, crosses) {
       button('Zoom in', () => viewport.zoom(0.6)), button('Zoom out', () => viewport.zoom(1 / 0.6)),
       make('span', {class: 'quiet small'}, 'Drag to move. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys move.')));
   const paths = new Paths2d(scene, arrays);
-  for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
-  closeUp(section, scene, paths, table, crosses);
-  return {go};
+  const views = scene.snapshots.map((snapshot) => new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses));
+  views.push(...closeUp(section, scene, paths, table, crosses));
+  const show = (moved, movedArrays, movedTable) => {
+    const movedPaths = new Paths2d(moved, movedArrays);
+    for (const view of views) view.show(moved, movedPaths, movedTable);
+  };
+  return {go, show};
 }
 
 function choice(names, chosen, act) {
@@ -122,7 +129,7 @@ function colourControl(place, shared, hasCrosses) {
   return labelled('Colours', select);
 }
 
-/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns {go(place, size), goToSurface(surface), dispose()}, as addPictures(). */
+/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns {go, show, goToSurface(surface), dispose()}, as pictures2d() and addPictures(). */
 function pictures3d(section, scene, arrays, table, crosses, surfaces) {
   const painter = Painter3d.create();
   if (!painter) {
@@ -167,5 +174,11 @@ function pictures3d(section, scene, arrays, table, crosses, surfaces) {
     for (const view of shared.views) view.dispose();
     painter.dispose();
   };
-  return {go, goToSurface: scene.distances ? goToSurface : null, dispose};
+  const show = (moved, movedArrays, movedTable) => {
+    const movedSets = moved.sets.map((description) => new FaceSet(description, movedArrays));
+    shared.forget(moved);
+    for (const view of shared.views) view.show(moved, movedArrays, movedSets, movedTable);
+    shared.select({});
+  };
+  return {go, show, goToSurface: scene.distances ? goToSurface : null, dispose};
 }

@@ -137,9 +137,8 @@ class CanvasDrawing {
 /** The view of one snapshot of a 2-D mesh in the element `host`. Views with the same viewport move together. */
 class View2d {
   constructor(host, scene, paths, table, snapshot, viewport, crosses) {
-    Object.assign(this, {host, paths, table, snapshot, viewport});
-    const Drawing = paths.edges.length * scene.pieces <= MOST_SVG_CURVES ? SvgDrawing : CanvasDrawing;
-    this.drawing = new Drawing(paths, table, snapshot);
+    Object.assign(this, {host, snapshot, viewport});
+    this.draw(scene, paths, table);
     host.append(this.drawing.node);
     this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.centre = scene.centre;
@@ -149,6 +148,21 @@ class View2d {
     this.probe = document.createElement('canvas').getContext('2d');
     host.addEventListener('pointermove', (event) => this.point(event));
     host.addEventListener('pointerleave', () => this.overlay.showText(''));
+  }
+
+  draw(scene, paths, table) {
+    Object.assign(this, {paths, table});
+    const Drawing = paths.edges.length * scene.pieces <= MOST_SVG_CURVES ? SvgDrawing : CanvasDrawing;
+    this.drawing = new Drawing(paths, table, this.snapshot);
+  }
+
+  /** Shows a mesh that has moved, in place of the one before. */
+  show(scene, paths, table) {
+    const {node} = this.drawing;
+    this.draw(scene, paths, table);
+    node.replaceWith(this.drawing.node);
+    this.overlay.show(scene.worst[this.snapshot], []);
+    this.follow(this.viewport);
   }
 
   follow(viewport) {

@@ -80,7 +80,7 @@ class View3d {
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xc8c8c8, 2.2));
     this.lamp = new THREE.DirectionalLight(0xffffff, 1.3);
     this.world.add(this.lamp);
-    this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, snapshot, shared));
+    this.drawn = this.draw(sets);
     this.drawnCells = scene.corners ? new DrawnCells(this.world, snapshot, shared) : null;
     this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.controls = new THREE.OrbitControls(shared.camera, host);
@@ -99,6 +99,22 @@ class View3d {
     followTheme(host, () => this.colour());
     this.select();
     this.resize();
+  }
+
+  draw(sets) {
+    return sets.map((faces) => new DrawnFaces(this.world, faces, this.table, this.snapshot, this.shared));
+  }
+
+  /** Shows a mesh that has moved, in place of the one before. */
+  show(scene, arrays, sets, table) {
+    for (const one of this.drawn) {
+      this.world.remove(one.mesh, one.lines);
+      one.dispose();
+    }
+    Object.assign(this, {table, middles: arrays.middles});
+    this.drawn = this.draw(sets);
+    this.overlay.show(scene.worst[this.snapshot], []);
+    this.select();
   }
 
   /** Colours everything anew, by what has been chosen. */

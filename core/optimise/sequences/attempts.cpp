@@ -196,6 +196,7 @@ class Attempts {
       return stopped_ || work_ >= most ? Control::Stop : Control::Continue;
     };
     RunControl control = control_;
+    control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run, and the run before has untangled them in vain.
     control.shallow_untangling = control.shallow_untangling || options.objective == Objective::Energy;
     Result result = Run(**prepared, pass_on, control, stop_).go();

@@ -173,12 +173,17 @@ async function showJob(name, signal) {
   describe();
   section.append(line, buttons);
   const progress = new Progress(section);
+  const mesh = make('div');
+  section.append(mesh);
   ready();
+  const ended = new AbortController();
+  signal.addEventListener('abort', () => ended.abort());
+  if (!hasEnded(job) && !isJudged(job)) followMesh(name, mesh, ended.signal);
   job = await follow(name, (event) => {
     progress.take(event);
     if (event.stateChange) Object.assign(job, {state: event.stateChange.state});
     if (event.stateChange && !hasEnded(job)) describe();
-  }, signal);
+  }, signal).finally(() => ended.abort());
   signal.throwIfAborted();
   progress.end();
   describe();

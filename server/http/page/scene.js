@@ -7,7 +7,8 @@ const WORST_ROWS = 10;
  * first they are in its order.
  */
 class Snapshots {
-  constructor(before, after = null) {
+  /** `box`: in whose middle the scene has its centre. */
+  constructor(before, after = null, box = before.box()) {
     this.all = [before];
     this.orders = [null];
     const order = after?.orderLike(before);
@@ -16,7 +17,7 @@ class Snapshots {
       this.orders.push(order);
     }
     this.names = ['before', 'after'].slice(0, this.all.length);
-    this.box = before.box();
+    this.box = box;
     this.centre = [0, 1, 2].map((d) => this.box[d] / 2 + this.box[3 + d] / 2);
   }
 
@@ -81,9 +82,9 @@ function completeScene(snapshots, scene, arrays, shown, unrepairable) {
     snapshots: snapshots.names});
 }
 
-/** Makes {scene, arrays} of one or two MeshCells. */
-function makeScene(before, after, unrepairable) {
-  const snapshots = new Snapshots(before, after);
+/** Makes {scene, arrays} of one or two MeshCells. `box`: that of the scene, if it is not the one of the first mesh. */
+function makeScene(before, after, unrepairable, box) {
+  const snapshots = new Snapshots(before, after, box);
   const arrays = {};
   const {scene, shown} = before.mesh.dimension === 2 ? makeScene2d(snapshots, arrays) : makeScene3d(snapshots, arrays);
   completeScene(snapshots, scene, arrays, shown, unrepairable);

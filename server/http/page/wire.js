@@ -3,6 +3,7 @@
 
 const PART = {header: 1, coordinates: 2, elements: 3, group: 4, quality: 6};
 const CELL_VALID = 1;
+const MOST_ORDER = 10;
 
 /** Reads the fields of one message, which lies in `bytes` from `at` to `end`. */
 class Wire {
@@ -118,6 +119,8 @@ function readMesh(bytes) {
       mesh.groups.push(group);
     },
   });
+  // A hostile mesh may have taken over the process that has written this.
+  if (![2, 3].includes(mesh.dimension) || !(mesh.order >= 1 && mesh.order <= MOST_ORDER)) throw new Error('The server has sent what is no mesh.');
   mesh.xyz = joinedArrays(Float64Array, xyz);
   return mesh;
 }

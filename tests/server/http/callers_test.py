@@ -48,7 +48,7 @@ class Callers(WithHttp):
 
     def test_roles(self):
         job = self.submit_as("ann")
-        sends = {CALLS[1], *CALLS[8:]}
+        sends = {CALLS[1], *CALLS[9:]}
         reads = {(method, path) for method, path in CALLS if method == "GET"} - sends
         for name, allowed in (("reader", reads), ("submitter", sends)):
             for method, path in CALLS[1:]:
@@ -69,7 +69,7 @@ class Callers(WithHttp):
     def test_the_jobs_of_others_are_not_there(self):
         job = self.submit_as("ann")
         known = self.ask("GET", f"/v1/jobs/{job}", headers=self.of("ann"))[1]["job"]
-        for method, path in CALLS[3:8]:
+        for method, path in CALLS[3:9]:
             others = self.ask(method, path.replace("JOB", job), headers=self.of("bob"))
             nobodys = self.ask(method, path.replace("JOB", "0" * 32), headers=self.of("bob"))
             self.assertEqual(others[0], 404, (method, path))

@@ -8,7 +8,7 @@ import unittest
 
 from with_page import WithPage
 
-from programs import ENDLESS, LARGER, MESH, VARIMESHD
+from programs import CASES, ENDLESS, LARGER, MESH, VARIMESHD
 
 
 class Jobs(WithPage):
@@ -22,6 +22,28 @@ class Jobs(WithPage):
         self.assertEqual(self.wait(job, "JOB_STATE_CANCELLED")["state"], "JOB_STATE_CANCELLED")
         self.page.wait("document.querySelectorAll('#pictures .view').length === 2 || document.querySelectorAll('#pictures .view').length === 4")
         self.check_clean()
+
+    def watch_move(self, mesh, drawn, *options):
+        """Looks at a job that runs, and waits until what is drawn has changed. `drawn`: JavaScript for that."""
+        self.open()
+        job = self.submit(mesh, *ENDLESS, *options)
+        self.page.value(f"location.hash = '#/jobs/{job}'; 1")
+        self.page.wait("!!document.querySelector('#moving .view canvas, #moving .view svg.drawing')", 60)
+        self.page.wait(f"(window.first ??= {drawn}) !== {drawn}", 60)
+        self.page.value("document.querySelector('#moving .view').focus()")
+        time.sleep(2.5)
+        self.assertTrue(self.page.value("document.activeElement.matches('#moving .view')"), "the view stays where it is")
+        self.ask("POST", f"/v1/jobs/{job}/cancel")
+        self.wait_for_state("cancelled")
+        self.page.wait("!document.querySelector('#moving') && !!document.querySelector('#pictures .view')", 60)
+        self.check_clean()
+
+    def test_a_plane_mesh_moves(self):
+        self.watch_move(LARGER, "[...document.querySelectorAll('#moving .drawing path')].map((one) => one.getAttribute('d')).join()")
+
+    def test_a_mesh_in_space_moves(self):
+        # Of order 6, so that an iteration takes a while.
+        self.watch_move(CASES / "pin_p3.msh", "document.querySelector('#moving .view canvas').toDataURL()", "--order", "6")
 
     def test_the_list_of_jobs(self):
         for _ in range(22):

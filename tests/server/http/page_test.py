@@ -10,7 +10,7 @@ import unittest
 from pathlib import Path
 
 from over_http import WithHttp
-from programs import CASES, FOLDED, MESH, VARIMESHD, run
+from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, VARIMESHD, run
 from with_page import WithPage
 
 FILES = {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript", "/three.js": "text/javascript"}
@@ -248,6 +248,9 @@ class Accessibility(WithPage):
         for width in (1280, 390):
             self.page.look(width, 900)
             self.check()
+        self.open(f"/#/jobs/{self.submit(LARGER, *ENDLESS)}")
+        self.page.wait("!!document.querySelector('#moving .view .drawing')")
+        self.check()
 
 
 if __name__ == "__main__":

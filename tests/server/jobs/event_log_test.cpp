@@ -34,6 +34,25 @@ std::vector<v1::JobEvent> read(const EventLog& log, std::int64_t after, std::chr
   return events;
 }
 
+TEST(EventLog, KeepsTheNewestMeshForThoseWhoWatchIt) {
+  EventLog log;
+  EXPECT_FALSE(log.is_mesh_watched());
+  EXPECT_EQ(log.watch_mesh(), nullptr);
+  EXPECT_TRUE(log.is_mesh_watched());
+  for (const char* const bytes : {"first", "second"}) {
+    log.show_mesh(std::make_shared<const std::string>(bytes));
+    EXPECT_EQ(*log.watch_mesh(), bytes);
+  }
+  log.show_mesh(nullptr);
+  EXPECT_EQ(log.watch_mesh(), nullptr) << "the attempt has ended";
+  log.show_mesh(std::make_shared<const std::string>("third"));
+  log.close();
+  EXPECT_EQ(log.watch_mesh(), nullptr);
+  EXPECT_FALSE(log.is_mesh_watched()) << "the job has ended";
+  log.show_mesh(std::make_shared<const std::string>("late"));
+  EXPECT_EQ(log.watch_mesh(), nullptr);
+}
+
 TEST(EventLog, CountsTheIterationsThatItSkips) {
   EventLog log({4096, 10});
   log.append(state(v1::JOB_STATE_RUNNING));
