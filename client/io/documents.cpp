@@ -133,7 +133,9 @@ Json geometry_document(const v1::GeometryReport& geometry) {
   return {{"nodes", geometry.nodes()},
           {"farthest", geometry.farthest()},
           {"folded", {{"before", geometry.folded_before()}, {"after", geometry.folded_after()}}},
-          {"distance", {{"before", distance(geometry.before())}, {"after", distance(geometry.after())}}},
+          {"distance",
+           {{"before", geometry.has_before() ? distance(geometry.before()) : Json()},
+            {"after", geometry.has_after() ? distance(geometry.after()) : Json()}}},
           {"straight_elements", geometry.straight_elements()},
           {"surfaces", std::move(surfaces)},
           {"sentences", std::vector<std::string>(geometry.sentences().begin(), geometry.sentences().end())}};

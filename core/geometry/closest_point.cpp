@@ -73,8 +73,10 @@ CurveFoot closest_from(const CurveShape& curve, const Eigen::Vector3d& point, do
 
 namespace {
 
-/// How often Newton's method goes on from a pole or a seam.
+/// How often Newton's method goes on from a pole, a seam or a saddle.
 constexpr int kMostPassages = 4;
+/// A curvature of the squared distance that is more negative than this, over that of a plane, is no rounding.
+constexpr double kSaddle = 1e-6;
 /// A parameter along which the surface is shorter than this, over how long it is along the other, does not count: there
 /// is a pole.
 constexpr double kPole = 1e-9;
@@ -91,14 +93,15 @@ class SurfaceDescent {
   SurfaceDescent(const SurfaceShape& surface, const Eigen::Vector3d& point)
       : surface_(surface), point_(point), ranges_{surface.u_range(), surface.v_range()} {}
 
-  /// Newton's method from a guess. Where it ends at a pole or at a seam, from which the distance falls elsewhere, it
-  /// goes on there.
+  /// Newton's method from a guess. Where it ends at a pole, at a seam or at a saddle, from which the distance falls
+  /// elsewhere, it goes on there.
   SurfaceFoot foot(double u, double v) const {
     Standing now = place_at({u, v});
     descend(now);
     for (int k = 0; k < kMostPassages && now.distance < kInfinity; ++k) {
       auto beyond = past_pole(now);
       if (!beyond) beyond = past_seam(now);
+      if (!beyond) beyond = past_saddle(now);
       if (!beyond) break;
       descend(*beyond);
       if (!(beyond->distance < now.distance)) break;
@@ -209,6 +212,24 @@ class SurfaceDescent {
       const double length = (k == 0 ? there.at.du : there.at.dv).norm() * ranges_[k].length();
       const double slope = (k == 0 ? there.at.du : there.at.dv).dot(there.at.x - point_);
       if ((there.at.x - now.at.x).norm() <= kSeam * length && (first ? slope > 0 : slope < 0)) return there;
+    }
+    return std::nullopt;
+  }
+
+  /// A place that is nearer to the point than `now`, if that is no minimum: Newton's method stays where the slope
+  /// vanishes, such as on the far side of a cone, exactly opposite the point.
+  std::optional<Standing> past_saddle(const Standing& now) const {
+    const SurfacePoint& at = now.at;
+    const Eigen::Vector3d off = at.x - point_;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const double flat = (k == 0 ? at.du : at.dv).squaredNorm();
+      const double bend = flat + (k == 0 ? at.duu : at.dvv).dot(off);
+      if (!(bend < -kSaddle * flat)) continue;
+      Eigen::Vector2d step = Eigen::Vector2d::Zero();
+      step[Eigen::Index(k)] = kLongStep * ranges_[k].length();
+      for (int half = 0; half < kMostHalvings; ++half, step /= 2)
+        for (const Eigen::Vector2d& way : {step, Eigen::Vector2d(-step)})
+          if (Standing there = place_at(now.t + way); there.distance < now.distance) return there;
     }
     return std::nullopt;
   }

@@ -95,21 +95,38 @@ class EntityNodes {
   std::vector<std::optional<bool>> known_;
 };
 
+/// A point of the lattice whose distance is smaller than this, over the largest so far, has no larger one around it.
+constexpr double kMayBeLargest = 0.75;
+/// Distances below this, over the size of the element, are not worth a finer lattice. Flat elements have only such.
+constexpr double kNothing = 1e-10;
+
 /// Calls distance(x, start) for each sample.
 template <class CanStart, class Distance>
 Distances sample(std::span<const EntityElement> elements, int order, EntityNodes<CanStart> nodes,
                  const Distance& distance) {
   Distances sum;
   for (const EntityElement& element : elements) {
-    const Eigen::MatrixXd& between = entity_table(element.shape, order).between;
+    const EntityTable& table = entity_table(element.shape, order);
     const ElementNodes own = nodes.of(element);
-    for (Eigen::Index p = 0; p < between.rows(); ++p) {
-      const Eigen::Vector3d point = own.x * between.row(p).transpose();
-      const double off = distance(point, own.start(point, between.row(p)));
-      sum.largest = std::max(sum.largest, off);
-      sum.sum_of_squares += off * off;
-      sum.samples += 1;
+    const auto off = [&](const Eigen::MatrixXd& basis, Eigen::Index p) {
+      const Eigen::Vector3d point = own.x * basis.row(p).transpose();
+      return distance(point, own.start(point, basis.row(p)));
+    };
+    const Eigen::Index rule = table.weights_between.size();
+    for (Eigen::Index p = 0; p < rule; ++p) {
+      const double one = off(table.between, p);
+      sum.largest = std::max(sum.largest, one);
+      sum.sum_of_squares += table.weights_between[p] * one * one;
     }
+    Eigen::VectorXd lattice(table.between.rows() - rule);
+    for (Eigen::Index p = 0; p < lattice.size(); ++p) lattice[p] = off(table.between, rule + p);
+    sum.largest = std::max(sum.largest, lattice.maxCoeff());
+    const double nothing = kNothing * (own.x.rowwise().maxCoeff() - own.x.rowwise().minCoeff()).norm();
+    for (Eigen::Index p = 0; p < lattice.size(); ++p)
+      if (lattice[p] > std::max(kMayBeLargest * sum.largest, nothing))
+        for (const Eigen::Index q : table.around[static_cast<std::size_t>(p)])
+          sum.largest = std::max(sum.largest, off(table.finer, q));
+    sum.elements += 1;
   }
   return sum;
 }
@@ -129,12 +146,12 @@ double closest(const Start& start, const ClosestFrom& closest_from) {
 
 }  // namespace
 
-double Distances::rms() const { return samples > 0 ? std::sqrt(sum_of_squares / samples) : 0; }
+double Distances::rms() const { return elements > 0 ? std::sqrt(sum_of_squares / elements) : 0; }
 
 void Distances::add(const Distances& other) {
   largest = std::max(largest, other.largest);
   sum_of_squares += other.sum_of_squares;
-  samples += other.samples;
+  elements += other.elements;
 }
 
 Distances curve_distances(const geometry::CurveShape& shape, std::span<const EntityElement> elements, int order,

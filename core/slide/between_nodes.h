@@ -8,17 +8,19 @@
 
 namespace varimesh::detail {
 
-/// Distances of samples, in the mesh's unit of length.
+/// Distances, in the mesh's unit of length.
 struct Distances {
   double largest = 0;
-  double sum_of_squares = 0;
-  double samples = 0;
+  double sum_of_squares = 0;  ///< The mean square of each element.
+  double elements = 0;
 
   double rms() const;
   void add(const Distances& other);
 };
 
-/// The distance of the elements' points between their nodes (EntityTable::between) to the curve or surface.
+/// The distance of the elements to the curve or surface, at points between their nodes (EntityTable::between). The rms
+/// is that of a quadrature rule. The largest is looked for on a lattice, and then around its best points on a finer
+/// one.
 /// @param nodes        the nodes of the elements, sorted by index, with their parameters on the entity
 /// @param coordinates  of all nodes of the mesh
 Distances curve_distances(const geometry::CurveShape& shape, std::span<const EntityElement> elements, int order,

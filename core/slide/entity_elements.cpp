@@ -17,14 +17,33 @@ constexpr double kLatticeWeight = 0.05;
 using reference::NodeSet;
 using reference::Points;
 
-reference::Quadrature rule(Shape shape, int order) {
-  if (shape != Shape::Line) return reference::quadrature(shape, order, 2 * order);
-  const auto [points, weights] = reference::gauss_jacobi(order + 1, 0, 0);
-  return {Points(points), weights, 2 * order + 1};
+reference::Quadrature rule(Shape shape, int order, int degree) {
+  if (shape != Shape::Line) return reference::quadrature(shape, order, degree);
+  const auto [points, weights] = reference::gauss_jacobi(degree / 2 + 1, 0, 0);
+  return {Points(points), weights, degree + 1};
+}
+
+/// The points where distances are measured.
+void add_between(EntityTable& table, Shape shape, int order) {
+  const reference::Quadrature squares = rule(shape, order, 2 * order + 4);
+  const Points lattice = reference::uniform_lattice(shape, 2 * order + 1);
+  const Points finer = reference::uniform_lattice(shape, 3 * (2 * order + 1));
+  Points at(squares.points.rows() + lattice.rows(), lattice.cols());
+  at << squares.points, lattice;
+  table.between = reference::basis_values(shape, order, NodeSet::Equispaced, 3, at);
+  table.finer = reference::basis_values(shape, order, NodeSet::Equispaced, 3, finer);
+  table.weights_between = squares.weights / squares.weights.sum();
+  // Half an interval of the coarser lattice in each direction, on a reference shape that is 2 wide.
+  const double near = 1.01 / (2 * order + 1);
+  for (Eigen::Index p = 0; p < lattice.rows(); ++p) {
+    std::vector<Eigen::Index>& around = table.around.emplace_back();
+    for (Eigen::Index q = 0; q < finer.rows(); ++q)
+      if ((finer.row(q) - lattice.row(p)).cwiseAbs().maxCoeff() < near) around.push_back(q);
+  }
 }
 
 EntityTable make_table(Shape shape, int order) {
-  const reference::Quadrature of = rule(shape, order);
+  const reference::Quadrature of = rule(shape, order, 2 * order);
   const Points corners = reference::uniform_lattice(shape, order);
   Points at(of.points.rows() + corners.rows(), of.points.cols());
   at << of.points, corners;
@@ -36,8 +55,7 @@ EntityTable make_table(Shape shape, int order) {
   table.weights.resize(at.rows());
   table.weights << of.weights / of.weights.sum(),
       Eigen::VectorXd::Constant(corners.rows(), kLatticeWeight / static_cast<double>(corners.rows()));
-  table.between =
-      reference::basis_values(shape, order, NodeSet::Equispaced, 3, reference::uniform_lattice(shape, 2 * order + 1));
+  add_between(table, shape, order);
   return table;
 }
 

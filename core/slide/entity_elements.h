@@ -32,8 +32,13 @@ struct EntityTable {
   /// The same derivatives of the map of order 1 on the vertices: the straight-sided element.
   std::vector<Eigen::MatrixXd> straight;  ///< By direction: points × vertices.
   Eigen::VectorXd weights;                ///< Sum to 1 plus the small weights.
-  /// Points between the nodes, where the distance to the entity is measured: values of the basis, points × nodes.
+  /// Where the distance to the entity is measured: values of the basis, points × nodes. First come the points of a rule
+  /// that integrates the square of an error of interpolation, then the lattice of 2 P + 1 intervals per edge.
   Eigen::MatrixXd between;
+  Eigen::VectorXd weights_between;  ///< Of the points of the rule; they sum to 1.
+  Eigen::MatrixXd finer;            ///< The same for the lattice of three times as many intervals.
+  /// By point of the former lattice: those of the latter around it.
+  std::vector<std::vector<Eigen::Index>> around;
 };
 const EntityTable& entity_table(Shape shape, int order);
 

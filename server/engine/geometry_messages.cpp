@@ -76,8 +76,10 @@ v1::GeometryReport to_proto(const SlidAndMeasured& done) {
   message.set_folded_before(slid.report.folded_before);
   message.set_folded_after(slid.report.folded_after);
   message.set_straight_elements(slid.straight_elements);
-  *message.mutable_before() = to_proto(slid.report.before);
-  *message.mutable_after() = to_proto(slid.report.after);
+  if (!slid.is_cut_short) {  // otherwise they were not measured
+    *message.mutable_before() = to_proto(slid.report.before);
+    *message.mutable_after() = to_proto(slid.report.after);
+  }
   if (done.distances) add(*done.distances, message);
   return message;
 }

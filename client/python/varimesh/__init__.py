@@ -31,13 +31,12 @@ from .errors import (
 from .job import Job, Result
 from .local import LocalClient, local
 from .mesh import Block, Mesh
-from .options import Geometry, Layers, LayersReport, Options, TargetField
+from .options import Geometry, GeometryReport, Layers, LayersReport, Options, SurfaceDistance, TargetField
 from .progress import Progress
 from .reports import (
     CellQuality,
     Certified,
     Event,
-    GeometryReport,
     Iteration,
     Metrics,
     Quality,
@@ -45,7 +44,6 @@ from .reports import (
     RepairStep,
     ServerInfo,
     SlideTrial,
-    SurfaceDistance,
     Unrepairable,
     WhatIsLeft,
     Work,

@@ -1,6 +1,7 @@
-"""The options of a job, with the names of the contract, and what came of layers."""
+"""The options of a job, with the names of the contract, and what came of layers and of the CAD model."""
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from .errors import BadOption
 from .names import spellings, suggestion
+from .numbering import Numbering
 from .v1 import job_pb2, optimise_pb2
 
 if TYPE_CHECKING:
@@ -207,3 +209,56 @@ def to_message(options: Mapping[str, Any]) -> optimise_pb2.Options:
     for name, value in options.items():
         _set(message, name, value)
     return message
+
+
+@dataclass(frozen=True)
+class SurfaceDistance:
+    """A surface of the CAD model, and how far the boundary elements that were made on it lie from it."""
+
+    surface: int  # its number in the model, from 1
+    name: str  # in the STEP or IGES file; empty: it has none
+    tags: tuple[int, ...]  # of the mesh's surfaces that matched it
+    elements: int
+    folded_before: int  # elements that are folded over
+    folded_after: int
+    largest_before: float  # nan if the job curved the mesh
+    largest_after: float
+    rms_before: float
+    rms_after: float
+
+
+@dataclass(frozen=True)
+class GeometryReport:
+    """What came of the CAD model of a job. Lengths are in the mesh's unit."""
+
+    nodes: int  # that slid
+    farthest: float  # how far a node slid at most
+    folded_before: int  # boundary elements that are folded over
+    folded_after: int
+    largest_before: float  # distance between the curved boundary and the model; nan if sliding was cut short
+    largest_after: float
+    rms_before: float
+    rms_after: float
+    sentences: tuple[str, ...]  # what matched and what moved
+    surfaces: tuple[SurfaceDistance, ...] = ()  # the largest distance afterwards first; at most 1000
+    straight_elements: int = 0  # if the mesh was curved: boundary elements that stay straight, since their place is not sure
+
+
+def distances_of(message: optimise_pb2.SurfaceDistance | optimise_pb2.GeometryReport) -> tuple[float, float, float, float]:
+    """The largest distances before and after, and the rms of both."""
+    before, after = (
+        (one.largest, one.rms) if message.HasField(name) else (math.nan, math.nan)
+        for name, one in (("before", message.before), ("after", message.after)))  # fmt: skip
+    return before[0], after[0], before[1], after[1]
+
+
+def surface_distance_of(message: optimise_pb2.SurfaceDistance) -> SurfaceDistance:
+    return SurfaceDistance(message.surface, message.name, tuple(message.tags), message.elements, message.folded_before,
+                           message.folded_after, *distances_of(message))  # fmt: skip
+
+
+def geometry_report_of(message: optimise_pb2.GeometryReport, numbering: Numbering) -> GeometryReport:
+    return GeometryReport(
+        message.nodes, message.farthest, message.folded_before, message.folded_after, *distances_of(message),
+        tuple(numbering.sentence(one) for one in message.sentences),
+        tuple(surface_distance_of(one) for one in message.surfaces), message.straight_elements)  # fmt: skip

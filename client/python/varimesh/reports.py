@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import wire
 from .names import spelled
 from .numbering import OF_FILES, Numbering
-from .options import LayersReport, layers_report_of
+from .options import GeometryReport, LayersReport, geometry_report_of, layers_report_of
 from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
 
 HISTORY = np.dtype(
@@ -110,39 +110,6 @@ class WhatIsLeft:
     unproved: int  # of these, in an unrepairable group, but without a proof about this element
     remedies: tuple[Remedy, ...]  # what to try next, the likeliest first
     sentence: str  # the figures in words; empty if nothing is left
-
-
-@dataclass(frozen=True)
-class SurfaceDistance:
-    """A surface of the CAD model, and how far the boundary elements that were made on it lie from it."""
-
-    surface: int  # its number in the model, from 1
-    name: str  # in the STEP or IGES file; empty: it has none
-    tags: tuple[int, ...]  # of the mesh's surfaces that matched it
-    elements: int
-    folded_before: int  # elements that are folded over
-    folded_after: int
-    largest_before: float
-    largest_after: float
-    rms_before: float
-    rms_after: float
-
-
-@dataclass(frozen=True)
-class GeometryReport:
-    """What came of the CAD model of a job. Lengths are in the mesh's unit."""
-
-    nodes: int  # that slid
-    farthest: float  # how far a node slid at most
-    folded_before: int  # boundary elements that are folded over
-    folded_after: int
-    largest_before: float  # distance between the curved boundary and the model
-    largest_after: float
-    rms_before: float
-    rms_after: float
-    sentences: tuple[str, ...]  # what matched and what moved
-    surfaces: tuple[SurfaceDistance, ...] = ()  # the largest distance afterwards first; at most 1000
-    straight_elements: int = 0  # if the mesh was curved: boundary elements that stay straight, since their place is not sure
 
 
 @dataclass(frozen=True)
@@ -310,20 +277,6 @@ def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,
 def left_of(message: quality_pb2.WhatIsLeft, numbering: Numbering) -> WhatIsLeft:
     remedies = tuple(Remedy(one.flags, one.elements, numbering.sentence(one.sentence)) for one in message.remedies)
     return WhatIsLeft(message.uncertified, message.proved, message.unproved, remedies, numbering.sentence(message.sentence))
-
-
-def surface_distance_of(message: optimise_pb2.SurfaceDistance) -> SurfaceDistance:
-    return SurfaceDistance(message.surface, message.name, tuple(message.tags), message.elements, message.folded_before,
-                           message.folded_after, message.before.largest, message.after.largest, message.before.rms,
-                           message.after.rms)  # fmt: skip
-
-
-def geometry_report_of(message: optimise_pb2.GeometryReport, numbering: Numbering) -> GeometryReport:
-    return GeometryReport(
-        message.nodes, message.farthest, message.folded_before, message.folded_after, message.before.largest,
-        message.after.largest, message.before.rms, message.after.rms,
-        tuple(numbering.sentence(one) for one in message.sentences),
-        tuple(surface_distance_of(one) for one in message.surfaces), message.straight_elements)  # fmt: skip
 
 
 def slide_trial_of(message: optimise_pb2.SlideTrial) -> SlideTrial:

@@ -133,6 +133,15 @@ class Curve(WithFolder):
         self.assertEqual(done.returncode, 2)
         self.assertIn("from 2 to 10", done.stderr)
 
+    def test_distances_that_were_not_measured_are_not_zero(self):
+        make(BODIES["torus"][0], self.folder / "torus.step")
+        straight = self.folder / "straight.msh"
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(self.folder / "torus.step"), str(straight)], check=True, capture_output=True)
+        done = run("curve", straight, "--geometry", self.folder / "torus.step", "--order", 3, "--time-limit", 0.001, "--json",
+                   "-o", self.out)
+        self.assertIn("Sliding was cut short", done.stderr)
+        self.assertEqual(json.loads(done.stdout)["geometry"]["distance"], {"before": None, "after": None})
+
     def test_bodies_that_touch_get_one_mesh(self):
         wide = "occ.addCylinder(0, 0, 0, 0, 0, 1, 1); "
         bodies = {"of the same width": (wide + "occ.addCylinder(0, 0, 1, 0, 0, 1, 1)",

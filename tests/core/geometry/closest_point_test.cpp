@@ -65,6 +65,22 @@ TEST(ClosestFrom, PassesTheTipOfACone) {
   }
 }
 
+TEST(ClosestFrom, LeavesPlacesWhereOnlyTheSlopeVanishes) {
+  // Exactly opposite the point, the distance to a round surface is largest among its neighbours around the axis.
+  const auto hat = cone({}, 0.5, -std::atan(0.5), std::sqrt(1.25));
+  const auto pipe = cylinder({}, 1, 2);
+  const auto ring = torus({}, 2, 0.7);
+  EXPECT_NEAR(closest_from(*pipe, {0.7, 0, 1}, kPi, 1).distance, 0.3, 1e-13);
+  EXPECT_NEAR(closest_from(*ring, {2.4, 0, 0}, 0, kPi).distance, 0.3, 1e-13);
+  EXPECT_NEAR(closest_from(*ring, {2.4, 0, 0}, kPi, kPi).distance, 0.3, 1e-13);
+  const SurfaceSearch search(*hat);
+  for (double off = 0.1; off > 1e-6; off /= 2) {
+    const SurfacePoint on = hat->at(0, hat->v_range().last - off);
+    EXPECT_LT(closest_from(*hat, on.x, kPi, hat->v_range().last - off).distance, 1e-13) << off;
+    EXPECT_LT(search.closest(on.x).distance, 1e-13) << off;
+  }
+}
+
 /// A closed surface whose parameters do not know that it is closed, as a spline's often do not.
 class Unrolled : public SurfaceShape {
  public:

@@ -208,7 +208,7 @@ TEST(SlideOverJoints, LetsNodesCrossThem) {
     }
     EXPECT_EQ(crossed, joined);
   }
-  EXPECT_LE(rms[1], rms[0]);
+  EXPECT_LE(rms[1], 1.01 * rms[0]);
 }
 
 // ===== On the mesh's own boundary =====

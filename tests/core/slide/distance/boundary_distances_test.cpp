@@ -49,12 +49,12 @@ std::pair<SlideReport, BoundaryDistances> slid_and_measured(HighOrderMesh& mesh,
   return {slid->report, *distances};
 }
 
-/// The largest distance of a lattice of the element to the torus, by its formula.
+/// The largest distance of a dense lattice of the element to the torus, by its formula.
 double off_torus(const HighOrderMesh& mesh, std::size_t element) {
   const ElementBlock& block = mesh.blocks[0];
   const auto stride = block.nodes.size() / block.size();
   const auto values = reference::basis_values(block.shape, mesh.order, reference::NodeSet::Equispaced, 3,
-                                              reference::uniform_lattice(block.shape, 2 * mesh.order + 1));
+                                              reference::uniform_lattice(block.shape, 10 * mesh.order));
   double largest = 0;
   for (Eigen::Index p = 0; p < values.rows(); ++p) {
     Eigen::Vector3d x = Eigen::Vector3d::Zero();
@@ -73,8 +73,8 @@ TEST(BoundaryDistances, AreThoseOfTheFormulaForEachElement) {
   const auto [report, distances] = slid_and_measured(mesh, torus(), 0);
   ASSERT_EQ(distances.elements, start.blocks[0].numbers);
   for (std::size_t e = 0; e < distances.elements.size(); ++e) {
-    EXPECT_NEAR(distances.before[e], off_torus(start, e), 1e-6 * off_torus(start, e));
-    EXPECT_NEAR(distances.after[e], off_torus(mesh, e), 1e-6 * off_torus(mesh, e));
+    EXPECT_NEAR(distances.before[e], off_torus(start, e), 0.05 * off_torus(start, e));
+    EXPECT_NEAR(distances.after[e], off_torus(mesh, e), 0.05 * off_torus(mesh, e));
   }
   ASSERT_EQ(distances.surfaces.size(), 1U);
   EXPECT_EQ(distances.surfaces[0].tags, std::vector<int>{1});
