@@ -81,6 +81,57 @@ for of in places:
 print(json.dumps(result))
 """
 
+# The lift coefficients at four degrees of the aerofoil 0012 by its formula and of the wall of a mesh: potential flow, with a
+# source on each straight panel, one vortex strength for all, and equal speeds at the trailing edge (Hess and Smith).
+LIFT = """
+import sys, math, gmsh, numpy as np
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.open(sys.argv[1])
+tags, places, _ = gmsh.model.mesh.getNodes()
+place = dict(zip(tags, places.reshape(-1, 3)))
+sides = []
+for _, curve in gmsh.model.getEntities(1):
+    if gmsh.model.getBoundingBox(1, curve)[3] > 1.5: continue
+    (kind,), _, (nodes,) = gmsh.model.mesh.getElements(1, curve)
+    count = gmsh.model.mesh.getElementProperties(kind)[3]
+    at = [number for i in range(5) for number in (i / 2.5 - 1, 0, 0)] + [1, 0, 0]
+    values = gmsh.model.mesh.getBasisFunctions(kind, at, "Lagrange")[1].reshape(-1, count)
+    points = values @ np.array([[place[node] for node in edge] for edge in nodes.reshape(-1, count)])
+    side = np.unique(points.reshape(-1, 3)[:, :2].round(12), axis=0)
+    sides.append(side[np.argsort(side[:, 0])])
+upper, lower = sorted(sides, key=lambda side: -side[:, 1].mean())
+# From the trailing edge below to the nose and back above.
+wall = np.concatenate([lower[::-1], upper[1:]])
+x = .5 * (1 - np.cos(np.linspace(0, math.pi, 120)))
+y = .6 * (.2969 * np.sqrt(x) - .126 * x - .3516 * x**2 + .2843 * x**3 - .1036 * x**4)
+y[-1] = 0
+exact = np.concatenate([np.stack([x, -y], 1)[::-1], np.stack([x, y], 1)[1:]])
+def lift(points, alpha=math.radians(4)):
+    start, along = points[:-1], np.diff(points, axis=0)
+    length = np.linalg.norm(along, axis=1)
+    t = along / length[:, None]
+    n = np.stack([-t[:, 1], t[:, 0]], 1)
+    off = (start + along / 2)[:, None] - start[None]
+    u, v = np.einsum("ijk,jk->ij", off, t), np.einsum("ijk,jk->ij", off, n)
+    log = -.5 * np.log(((u - length)**2 + v**2) / (u**2 + v**2))
+    turn = np.arctan2(v, u - length) - np.arctan2(v, u)
+    np.fill_diagonal(turn, math.pi)
+    source = (log[..., None] * t + turn[..., None] * n) / (2 * math.pi)
+    vortex = (turn[..., None] * t - log[..., None] * n) / (2 * math.pi)
+    stream, count = np.array([math.cos(alpha), math.sin(alpha)]), len(length)
+    matrix, right = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
+    matrix[:-1, :-1] = np.einsum("ijk,ik->ij", source, n)
+    matrix[:-1, -1] = np.einsum("ijk,ik->i", vortex, n)
+    right[:-1] = -n @ stream
+    for i in (0, -1):
+        matrix[-1, :-1] += source[i] @ t[i]
+        matrix[-1, -1] += (vortex[i] @ t[i]).sum()
+        right[-1] -= t[i] @ stream
+    return 2 * abs(np.linalg.solve(matrix, right)[-1]) * length.sum()
+print(lift(exact), lift(wall), len(wall))
+"""
+
 # Digits, trailing edge, format of the model, what it has, and the elements of the layers.
 FOILS = [("0012", "sharp", "step", "edges", "quads"), ("0012", "blunt", "step", "edges", "triangles"),
          ("2412", "sharp", "brep", "face", "quads"), ("2412", "blunt", "step", "face", "triangles"),
@@ -135,6 +186,17 @@ class Profile(WithFolder):
                     for a, b in heights:
                         self.assertLess(abs(b / a - 1), 0.05)
                     self.assertLess(max(b for a, b in zip(before, after) if a <= 1e-9), 1e-9)
+
+    def test_the_lift_of_an_aerofoil_is_that_of_its_formula(self):
+        model, straight = self.folder / "foil.step", self.folder / "straight.msh"
+        python(FOIL, model, straight, "0012", "sharp", "edges", "quads")
+        for order in (2, 3, 4, 5):
+            done = run("curve", straight, "--geometry", model, "--order", order, "-o", self.out)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            exact, lift, points = map(float, python(LIFT, self.out).split())
+            self.assertGreater(points, 100)
+            self.assertAlmostEqual(exact, 0.482, delta=0.005)  # 2 pi sin(4 degrees) (1 + .77 * .12) = .479
+            self.assertLess(abs(lift / exact - 1), 0.01, order)
 
     def test_a_planar_face_is_meshed_in_any_plane(self):
         for angle in (0, 0.7):
