@@ -1,7 +1,7 @@
 // Line charts and histograms as SVG. They are drawn again when the width available to them changes.
 
 // On the left there is room for the name of the axis beside numbers such as −0.0115.
-const CHART_MARGIN = {left: 68, right: 12, top: 8, bottom: 34};
+const CHART_MARGIN = {left: 68, right: 12, top: 20, bottom: 34};
 
 /** Calls `paint(width)` now and whenever the width of `host` changes. */
 function followWidth(host, paint) {
@@ -95,7 +95,7 @@ function lineChart(host, {x, y, log = false, bands = [], zero = false, names, sa
       const left = px(band.from);
       const wide = Math.max(1, px(band.to) - left);
       under.append(draw('rect', {class: `band band-${band.name}`, x: left, width: wide, y: CHART_MARGIN.top, height: inner.height}));
-      if (wide > 8 * band.name.length) svg.append(draw('text', {x: left + 4, y: CHART_MARGIN.top + 12}, band.name));
+      if (wide > 8 * band.name.length) svg.append(draw('text', {x: left + 4, y: CHART_MARGIN.top - 6}, band.name));
     }
     if (zero && py(0) > CHART_MARGIN.top && py(0) < base) {
       svg.append(draw('line', {class: 'rule', x1: CHART_MARGIN.left, x2: width - CHART_MARGIN.right, y1: py(0), y2: py(0)}));

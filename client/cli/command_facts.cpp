@@ -1,10 +1,11 @@
 #include "client/cli/command_facts.h"
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <array>
 
 #include "client/cli/names.h"
+#include "client/process/exit_status.h"
+#include "core/command_line/parsed_facts.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::client {
@@ -98,25 +99,9 @@ std::vector<std::string> choices_of(const CLI::Option& option, const std::string
   return {};
 }
 
-FlagFacts facts_of(const CLI::Option& option) {
-  FlagFacts facts;
-  facts.argument = option.get_positional();
-  // After a colon, the type's name goes on with the checks.
-  if (option.get_type_size() != 0) facts.value = split(option.get_type_name(), ':').front();
-  if (facts.argument) {
-    facts.names = {facts.value == "TEXT" || facts.value == "text" ? option.get_name(true) : facts.value};
-    std::transform(facts.names[0].begin(), facts.names[0].end(), facts.names[0].begin(), ::toupper);
-  } else {
-    for (const std::string& name : option.get_snames()) facts.names.push_back("-" + name);
-    for (const std::string& name : option.get_lnames()) facts.names.push_back("--" + name);
-  }
+FlagFacts with_choices(const CLI::Option& option) {
+  FlagFacts facts = parsed_facts(option);
   facts.choices = choices_of(option, facts.value);
-  facts.help = option.get_description();
-  facts.group = option.get_group();
-  constexpr std::array files{"IN", "OUT", "MESH", "DIR"};
-  facts.file = facts.value.rfind("FILE", 0) == 0 || std::find(files.begin(), files.end(), facts.value) != files.end();
-  facts.required = option.get_required();
-  facts.repeated = option.get_expected_max() > 1 && !facts.argument;
   return facts;
 }
 
@@ -124,21 +109,17 @@ FlagFacts facts_of(const CLI::Option& option) {
 
 std::span<const Example> all_examples() { return kExamples; }
 
-CommandFacts facts_of(const CLI::App& command) {
-  CommandFacts facts;
-  if (command.get_parent() != nullptr) facts.name = command.get_name();
-  facts.purpose = command.get_description();
-  for (const Example& example : kExamples)
-    if (example.command == facts.name) facts.examples.push_back(example);
-  for (const CLI::Option* option : command.get_options()) facts.flags.push_back(facts_of(*option));
-  return facts;
-}
+CommandFacts facts_of(const CLI::App& command) { return parsed_facts(command, kExamples, with_choices); }
 
 std::vector<CommandFacts> subcommand_facts(const CLI::App& program) {
-  std::vector<CommandFacts> all;
-  for (const CLI::App* command : program.get_subcommands([](const CLI::App*) { return true; }))
-    all.push_back(facts_of(*command));
-  return all;
+  return parsed_subcommands(program, kExamples, with_choices);
+}
+
+ProgramFacts program_facts(const CLI::App& program) {
+  ProgramFacts facts{.name = "varimesh", .itself = facts_of(program), .commands = subcommand_facts(program)};
+  facts.needs_command = true;
+  facts.exit_statuses = exit_statuses();
+  return facts;
 }
 
 }  // namespace varimesh::client

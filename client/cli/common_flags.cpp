@@ -55,6 +55,12 @@ void add_report_flag(Command command, std::string* path) {
       .value("FILE.html");
 }
 
+void add_keep_orders_flag(Command command, bool* keep_orders) {
+  command.add(
+      "--keep-orders", keep_orders,
+      "Write elements that came at a lower order than others at their own order again, where this loses nothing");
+}
+
 void add_request_id_flag(Command command, std::string* id) {
   command.add("--request-id", id, "Join the job that was submitted to the server with the same ID, if there is one")
       .value("ID")

@@ -26,6 +26,8 @@ void add_compress_flag(Command command, CommonFlags* flags);
 void add_history_flag(Command command, std::string* path);
 /// Adds --report; `path` stays empty if it is not given.
 void add_report_flag(Command command, std::string* path);
+/// Adds --keep-orders.
+void add_keep_orders_flag(Command command, bool* keep_orders);
 /// Adds --request-id; `id` stays empty if it is not given.
 void add_request_id_flag(Command command, std::string* id);
 

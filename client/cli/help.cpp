@@ -1,15 +1,12 @@
 #include "client/cli/help.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <string_view>
 
 #include "client/cli/command_facts.h"
-#include "client/cli/names.h"
-#include "client/process/exit_status.h"
-#include "core/options/help_text.h"
+#include "core/command_line/columns.h"
+#include "core/command_line/help.h"
 #include "core/options/nearest_word.h"
 
 namespace varimesh::client {
@@ -22,57 +19,15 @@ constexpr std::array<std::string_view, 20> kCommonFlags = {
     "--json",  "--quiet",      "--geometry",    "--slide-on", "--into",          "--objective", "--until",
     "--order", "--time-limit", "--merge-nodes", "--threads",  "--fix",           "--priority"};
 
-std::string entry(const FlagFacts& flag, std::size_t width) {
-  std::string name = joined(flag.names, ", ");
-  if (!flag.argument && !flag.value.empty()) name += " " + flag.value;
-  std::string help = flag.help;
-  if (flag.required && !flag.argument) help += " (required)";
-  return help_entry(name, help, width);
-}
-
 /// `command` prints the list of all words that would be right.
 std::string with_suggestion(const std::string& sentence, const std::string& suggestion, const std::string& command) {
   return sentence + (suggestion.empty() ? "; " + command + " lists them." : "; did you mean '" + suggestion + "'?");
-}
-
-/// The line after "Usage:".
-std::string usage(const CommandFacts& facts, bool has_commands) {
-  std::string line = "varimesh" + (facts.name.empty() ? "" : " " + facts.name);
-  line += has_commands ? " COMMAND" : " [OPTIONS]";
-  for (const FlagFacts& flag : facts.flags)
-    if (flag.argument) line += flag.required ? " " + flag.names[0] : " [" + flag.names[0] + "]";
-  return line + "\n";
 }
 
 bool is_common(const FlagFacts& flag) {
   return flag.argument || flag.required || std::ranges::any_of(flag.names, [](const std::string& name) {
            return std::ranges::find(kCommonFlags, name) != kCommonFlags.end();
          });
-}
-
-/// The positional arguments, and the flags under the headings of their groups. `all`: also those that few need;
-/// otherwise a last line says where they are.
-std::string arguments_and_flags(const CommandFacts& facts, std::size_t width, bool all) {
-  std::string arguments;
-  std::size_t more = 0;
-  std::vector<std::pair<std::string, std::string>> groups;
-  for (const FlagFacts& flag : facts.flags) {
-    if (!all && !is_common(flag)) {
-      ++more;
-      continue;
-    }
-    if (flag.argument) {
-      arguments += entry(flag, width);
-      continue;
-    }
-    auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& one) { return one.first == flag.group; });
-    if (group == groups.end()) group = groups.insert(groups.end(), {flag.group, ""});
-    group->second += entry(flag, width);
-  }
-  std::string out = arguments.empty() ? "" : "\nArguments:\n" + arguments;
-  for (const auto& [name, entries] : groups) out += fmt::format("\n{}:\n{}", name, entries);
-  if (more > 0) out += fmt::format("\n{} more options: varimesh {} --help-all\n", more, facts.name);
-  return out;
 }
 
 }  // namespace
@@ -110,21 +65,12 @@ std::string unknown_word(const CLI::App& program, const std::vector<std::string>
 
 std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormatMode mode) const {
   const std::size_t width = width_ > 0 ? static_cast<std::size_t>(width_) : help_width();
+  const CLI::App* program = command;
+  while (program->get_parent() != nullptr) program = program->get_parent();
   const CommandFacts facts = facts_of(*command);
-  const auto commands = subcommand_facts(*command);
-  std::string out = wrapped(facts.purpose, 0, 0, width) + "\nExamples:\n";
-  for (const Example& example : facts.examples) out += fmt::format("  # {}\n  {}\n", example.what, example.line);
-
-  out += "\nUsage: " + usage(facts, !commands.empty());
-  if (!commands.empty()) out += "\nCommands:\n";
-  for (const CommandFacts& one : commands) out += help_entry(one.name, one.purpose, width);
-  out += arguments_and_flags(facts, width, mode == CLI::AppFormatMode::All || !has_brief_help(facts.name));
-  if (!commands.empty()) {
-    out += "\nExit status:\n";
-    for (const ExitStatusMeaning& one : exit_statuses())
-      out += help_entry(std::to_string(one.status), std::string(one.meaning), width);
-  }
-  return out;
+  const bool is_brief = mode != CLI::AppFormatMode::All && has_brief_help(facts.name);
+  return help_text(program_facts(*program), facts, width,
+                   is_brief ? is_common : std::function<bool(const FlagFacts&)>());
 }
 
 }  // namespace varimesh::client

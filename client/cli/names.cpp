@@ -24,12 +24,6 @@ std::string dashed(std::string name) {
   return name;
 }
 
-std::string joined(const std::vector<std::string>& words, const std::string& separator) {
-  std::string list;
-  for (const std::string& word : words) list += (list.empty() ? "" : separator) + word;
-  return list;
-}
-
 std::string spelled(const google::protobuf::EnumValueDescriptor& value) {
   const std::string prefix = prefix_of(*value.type());
   std::string name = value.name().rfind(prefix, 0) == 0 ? value.name().substr(prefix.size()) : value.name();

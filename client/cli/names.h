@@ -27,7 +27,4 @@ std::string spelled(Enum value) {
 /// The name of a field as a flag has it, without the leading dashes: max_iterations becomes max-iterations.
 std::string dashed(std::string name);
 
-/// The words with `separator` between them.
-std::string joined(const std::vector<std::string>& words, const std::string& separator);
-
 }  // namespace varimesh::client

@@ -8,6 +8,7 @@
 #include "client/client.h"
 #include "client/library/input_file.h"
 #include "client/process/interrupts.h"
+#include "core/command_line/facts.h"
 #include "core/options/option_table.h"
 #include "core/problem/target_field.h"
 #include "core/reference/shape.h"

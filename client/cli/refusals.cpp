@@ -8,6 +8,7 @@
 
 #include "client/cli/names.h"
 #include "client/cli/option_flags.h"
+#include "core/command_line/facts.h"
 #include "core/options/nearest_word.h"
 #include "core/options/option_table.h"
 

@@ -1,6 +1,5 @@
 // varimesh optimise: optimises a mesh, or several, in this process or on a server.
 #include "client/commands/commands.h"
-#include "client/jobs/own_orders.h"
 #include "client/process/exit_status.h"
 #include "client/runs/several_runs.h"
 
@@ -41,7 +40,7 @@ Action add_optimise(Command program) {
   command["input"].or_standard_input().help("The mesh file to read; with --into, several");
   add_geometry_flags(command, &arguments->run.input, true);
   add_run_flags(command, &arguments->run);
-  command.add("--keep-orders", &arguments->run.keep_orders, std::string(kKeepOrdersHelp) + "; in MSH files");
+  add_keep_orders_flag(command, &arguments->run.input.keep_orders);
   command
       .add("--into", &arguments->into,
            "Optimise all meshes side by side, and write the results into this folder, under the names of the meshes")

@@ -45,7 +45,7 @@ int flush_output(int status) {
   if (errno == EPIPE || has_no_reader()) return status;
   const std::string why = errno == 0 ? std::string() : " (" + std::system_category().message(errno) + ")";
   std::cerr << "varimesh: standard output cannot be written" << why << "; check where it goes." << std::endl;
-  return status == kDone || status == kInvalidLeft || status == kStraightLeft ? kInputRefused : status;
+  return status == kDone || status == kInvalidLeft || status == kPartLeft ? kInputRefused : status;
 }
 
 int execute(int argc, char** argv, const std::function<Actions(Command)>& add) {

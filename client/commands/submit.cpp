@@ -38,6 +38,7 @@ Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
     return tl::unexpected(labels.error());
   *spec.mutable_options() = arguments.options;
   spec.set_priority(arguments.priority);
+  spec.set_keep_orders(arguments.input.keep_orders);
   if (!arguments.webhook.empty()) spec.mutable_webhook()->set_url(arguments.webhook);
   for (const std::string& name : arguments.formats) {
     const auto* format = value_of(*v1::MeshFormat_descriptor(), name);
@@ -101,12 +102,16 @@ tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, In
 /// Checks that the server knows what the spec asks for: an older one would leave it out without a word. Returns the
 /// exit status, after a message; kDone: it does.
 int check_server(Client& client, const v1::JobSpec& spec) {
-  if (!spec.has_layers() && !spec.has_webhook()) return kDone;
+  if (!spec.has_layers() && !spec.has_webhook() && !spec.keep_orders()) return kDone;
   const auto server = client.info();
   if (!server) return print_error(server.error());
   if (spec.has_layers() && !server->takes_layers())
     return print_error(bad_option("The server makes no layers, because it is older than they are. Split the result "
                                   "with 'varimesh layers'.")
+                           .value());
+  if (spec.keep_orders() && !server->keeps_orders())
+    return print_error(bad_option("The server keeps no orders, because it is older than --keep-orders. Leave the flag "
+                                  "out, or use 'varimesh optimise'.")
                            .value());
   if (spec.has_webhook() && !server->takes_webhooks())
     return print_error(bad_option("The server calls nobody at the end of a job; leave out --webhook, or ask its "
@@ -175,6 +180,7 @@ Action add_submit(Command program) {
       .value("URL");
   add_request_id_flag(command, &arguments->request_id);
   add_compress_flag(command, &arguments->common);
+  add_keep_orders_flag(command, &arguments->input.keep_orders);
   add_options(command, &arguments->options);
   add_layer_flags(command, &arguments->layers, false);
   return [arguments] { return submit(*arguments); };

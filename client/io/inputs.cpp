@@ -12,6 +12,7 @@
 #include "client/process/interrupts.h"
 #include "core/base/utf8.h"
 #include "core/formats/formats.h"
+#include "core/formats/reading_notes.h"
 #include "core/formats/reordering.h"
 #include "core/mesh/changes/displacements.h"
 #include "core/mesh/changes/merge_nodes.h"
@@ -191,6 +192,7 @@ Outcome<formats::MeshFile> read_moved(const Input& input) {
   if (const auto done = repair(input.repairs, *file, print_sentence); !done)
     return refusal(done.error().kind == Error::Kind::BadOption ? "BAD_OPTION" : "BAD_INPUT", done.error().sentence);
   if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
+  if (input.keep_orders) formats::keep_orders(file->mesh);  // the job learns from the file which they are
   return std::move(*file);
 }
 

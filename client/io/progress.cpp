@@ -33,15 +33,26 @@ std::string amount(const v1::Work& work, const char* what) {
                      100.0 * static_cast<double>(std::min(work.done(), work.of())) / static_cast<double>(work.of()));
 }
 
-/// A bar that shows how far the residual has fallen towards the tolerance, on a logarithmic scale.
-std::string bar(double first, double now, double tolerance) {
+/// How far the residual has fallen towards the tolerance, on a logarithmic scale, from 0 to 1. It says how far a run
+/// has come where nobody can tell its end.
+double fallen(double first, double now, double tolerance) {
+  if (now <= tolerance) return 1;
+  const bool is_known = now > 0 && first > tolerance && tolerance > 0;
+  return is_known ? std::log(first / now) / std::log(first / tolerance) : 0;
+}
+
+std::string bar(double share) {
   constexpr int kWidth = 10;  // at 80 columns there is room for it beside everything else but the residual
-  double fraction = 0;
-  if (now > 0 && first > tolerance && tolerance > 0) fraction = std::log(first / now) / std::log(first / tolerance);
-  if (now <= tolerance) fraction = 1;
-  const int filled = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * kWidth);
+  const int filled = static_cast<int>(std::clamp(share, 0.0, 1.0) * kWidth);
   return '[' + std::string(static_cast<std::size_t>(filled), '#') +
          std::string(static_cast<std::size_t>(kWidth - filled), '.') + ']';
+}
+
+/// Whether the mesh of the iteration is not the one that would be handed out now: cells would go back to where they are
+/// certified. What is known of them may be older than the smallest Js.
+bool is_of_a_trial(const v1::Iteration& iteration) {
+  return iteration.invalid_elements() != iteration.left_elements() ||
+         (iteration.left_elements() == 0 && iteration.min_scaled_jacobian() <= 0);
 }
 
 /// For example "  2 min left"; empty if the time is not known.
@@ -59,7 +70,9 @@ std::string iteration_text(const v1::Iteration& iteration, const std::string& ba
   const std::string head = fmt::format("{} {:>4}", spelled(iteration.phase()), iteration.number());
   const std::string residual = fmt::format("  residual {:.2e}", iteration.residual());
   const std::string quality =
-      fmt::format("  min Js {:>7.4f}  not certified {}", iteration.min_scaled_jacobian(), iteration.left_elements());
+      (is_of_a_trial(iteration) ? std::string(16, ' ')
+                                : fmt::format("  min Js {:>7.4f}", iteration.min_scaled_jacobian())) +
+      fmt::format("  not certified {}", iteration.left_elements());
   const std::string groups = groups_left(iteration), seconds = fmt::format("  {:.1f} s", iteration.seconds());
   const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;
   for (const std::string& line :
@@ -70,7 +83,7 @@ std::string iteration_text(const v1::Iteration& iteration, const std::string& ba
   return head.substr(0, width);
 }
 
-std::string progress_text(const v1::Work& work, int iteration) {
+std::string progress_text(const v1::Work& work, int iteration, const std::string& left) {
   std::string text;
   switch (work.activity()) {
     case v1::Work::ACTIVITY_ASSEMBLY:
@@ -88,15 +101,14 @@ std::string progress_text(const v1::Work& work, int iteration) {
     default:  // of a newer server
       text = amount(work, "done");
   }
-  return text + groups_left(work);
+  return text + groups_left(work) + left;
 }
 
 Progress::Progress(bool quiet, const v1::Options& options, Follows follows)
     : quiet_(quiet),
       follows_(follows),
       terminal_(isatty(STDERR_FILENO) == 1),
-      tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
-      remaining_time_(options) {}
+      tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3) {}
 
 Progress::~Progress() { clear_bar(); }
 
@@ -126,22 +138,24 @@ void Progress::show(const v1::JobEvent& event) {
 
 void Progress::show(const v1::Iteration& iteration, bool last) {
   if (first_residual_ == 0) first_residual_ = iteration.residual();
-  if (!last) remaining_time_.add(iteration);
+  if (!last) time_left_.note(iteration, TimeLeft::Clock::now());
   latest_ = iteration;
   latest_shown_ = last || is_due(shown_);
   if (!latest_shown_) return;
   draw([&](const std::string& bar, std::size_t width) {
-    return iteration_text(iteration, bar, last ? "" : time_left(remaining_time_.seconds()), width);
+    return iteration_text(iteration, bar, last ? "" : time_left(time_left_.seconds(TimeLeft::Clock::now())), width);
   });
   if (last && terminal_) std::fputc('\n', stderr);
   if (last) bar_drawn_ = false;
 }
 
 void Progress::show(const v1::Work& work) {
+  time_left_.note(work, TimeLeft::Clock::now());
   // A short run shows its iterations, and nothing of what is inside them.
   if (!is_due(std::max(began_, shown_))) return;
   draw([&](const std::string& bar, std::size_t width) {
-    const std::string text = progress_text(work, latest_.number() + 1);
+    const std::string left = time_left(time_left_.seconds(TimeLeft::Clock::now()));
+    const std::string text = progress_text(work, latest_.number() + 1, left);
     return bar.size() + text.size() <= width ? bar + text : text.substr(0, width);
   });
 }
@@ -160,7 +174,9 @@ void Progress::draw(const std::function<std::string(const std::string& bar, std:
   winsize size{};
   const bool is_known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
   const double residual = latest_.number() > 0 ? latest_.residual() : std::numeric_limits<double>::infinity();
-  const std::string line = text(bar(first_residual_, residual, tolerance_) + " ", is_known ? size.ws_col - 1U : 79U);
+  const std::optional<double> share = time_left_.share(TimeLeft::Clock::now());
+  const std::string line =
+      text(bar(share.value_or(fallen(first_residual_, residual, tolerance_))) + " ", is_known ? size.ws_col - 1U : 79U);
   std::fprintf(stderr, "\r\x1b[K%s", line.c_str());
   std::fflush(stderr);
   bar_drawn_ = true;

@@ -5,16 +5,19 @@
 #include <functional>
 #include <string>
 
-#include "client/io/remaining_time.h"
+#include "client/io/time_left.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::client {
 
-/// The work inside the iteration with this number, or between two: for example "newton    1  assembly 25 %".
-std::string progress_text(const v1::Work& work, int iteration);
+/// The work inside the iteration with this number, or between two: for example "newton    1  assembly 25 %". `left`
+/// follows, the time that is left.
+std::string progress_text(const v1::Work& work, int iteration, const std::string& left = "");
 
 /// An iteration in at most `width` characters: after the bar, the phase, the quality and what else has room, and the
-/// time that is left. In narrow lines the rate is left out first, then the residual, the groups, the bar and the times.
+/// time that is left. The smallest Js is left out if it is that of a trial, and not of the mesh that would be handed
+/// out now, of which the cells that are not certified are told. In narrow lines the rate is left out first, then the
+/// residual, the groups, the bar and the times.
 std::string iteration_text(const v1::Iteration& iteration, const std::string& bar, const std::string& left,
                            std::size_t width);
 
@@ -48,7 +51,7 @@ class Progress {
   const Follows follows_;
   const bool terminal_;     ///< Standard error is a terminal.
   const double tolerance_;  ///< The residual at which the job stops.
-  RemainingTime remaining_time_;
+  TimeLeft time_left_;
   double first_residual_ = 0;
   bool bar_drawn_ = false;                         ///< The last line on the terminal is the bar.
   std::chrono::steady_clock::time_point shown_{};  ///< When an iteration or work was last shown.

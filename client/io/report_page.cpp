@@ -17,6 +17,7 @@
 #include "client/report/report.h"
 #include "core/base/team.h"
 #include "core/base/version.h"
+#include "core/command_line/facts.h"
 #include "core/formats/formats.h"
 #include "core/mesh/changes/change_order.h"
 #include "core/mesh/plane.h"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/cli/names.h"
+#include "core/command_line/facts.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/options/option_table.h"
 
@@ -147,6 +148,16 @@ std::string range_text(const v1::LayersReport::Range& range) {
   return is_one ? fmt::format("{:.4g}", range.least()) : fmt::format("{:.4g} to {:.4g}", range.least(), range.most());
 }
 
+/// Whether the mesh is good: how many of its elements are proved valid.
+std::string verdict(const v1::Metrics& metrics) {
+  const v1::Certified& certified = metrics.after().certified();
+  const std::int64_t others = certified.invalid() + certified.undecided(), all = certified.valid() + others;
+  if (all == 0) return "";
+  return others == 0 ? "every element is certified valid\n"
+                     : fmt::format("{} of {} elements are certified valid, {} {} not\n", certified.valid(), all, others,
+                                   others == 1 ? "is" : "are");
+}
+
 }  // namespace
 
 namespace {
@@ -236,8 +247,8 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
   return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
          fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
                      metrics.residual(), ending(metrics)) +
-         objective + (objective.empty() ? "" : "\n") + figures(metrics) + worse + (worse.empty() ? "" : "\n") +
-         (metrics.layers().has_thick() ? layers_text(metrics.layers()) : "") +
+         objective + (objective.empty() ? "" : "\n") + verdict(metrics) + figures(metrics) + worse +
+         (worse.empty() ? "" : "\n") + (metrics.layers().has_thick() ? layers_text(metrics.layers()) : "") +
          joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +

@@ -56,6 +56,14 @@ void print_interruption(const v1::Job& job, bool was_cut_short, const std::vecto
 
 }  // namespace
 
+int status_with_layers(const v1::Job& job, int status) {
+  if (!job.spec().has_layers() || job.metrics().layers().layers() > 0) return status;
+  std::cerr << "varimesh: the result has no layers, because the run "
+            << (job.state() == v1::JOB_STATE_CANCELLED ? "was stopped" : "ran out of time") << " before it made them"
+            << std::endl;
+  return status == kDone ? kPartLeft : status;
+}
+
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags) {
   // A job that was cancelled while its CAD model was read has no mesh.
   const bool was_cut_short = job.state() == v1::JOB_STATE_CANCELLED && job.has_metrics() &&
@@ -79,7 +87,7 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   else if (!flags.quiet)
     (any_is_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics(), job.spec().options());
   const v1::Certified& certified = job.metrics().after().certified();
-  const int status = print_uncertified(certified.invalid(), certified.undecided());
+  const int status = status_with_layers(job, print_uncertified(certified.invalid(), certified.undecided()));
   if (!interrupted() || delivery.outputs.empty()) return status;
   print_interruption(job, was_cut_short, delivery.outputs);
   return kInterrupted;

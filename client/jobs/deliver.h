@@ -25,4 +25,8 @@ struct Delivery {
 /// output.
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags);
 
+/// If a job has ended without the layers that it was to make, says so, and returns the exit status for that unless the
+/// job has a worse one; otherwise `status`.
+int status_with_layers(const v1::Job& job, int status);
+
 }  // namespace varimesh::client

@@ -17,9 +17,10 @@ constexpr std::array kExitStatuses{
     ExitStatusMeaning{kInputRefused, "the input was refused, or the output cannot be written"},
     ExitStatusMeaning{kInvalidLeft, "success, but some elements are not certified valid"},
     ExitStatusMeaning{kServer, "the server failed or cannot be reached"},
-    ExitStatusMeaning{kStraightLeft,
-                      "success of curve or mesh, and every element is certified valid, but some boundary elements stay "
-                      "straight, because it is not sure where they belong on the model"},
+    ExitStatusMeaning{
+        kPartLeft,
+        "success, and every element is certified valid, but a part of what was asked for is missing: some "
+        "boundary elements stay straight (curve, mesh), or the run ended before it made layers"},
     ExitStatusMeaning{kInterrupted, "interrupted; a run without --server has written its best mesh so far"},
 };
 

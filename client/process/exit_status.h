@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "client/client.h"
 #include "core/base/error.h"
+#include "core/command_line/facts.h"
 
 namespace varimesh::client {
 
@@ -19,15 +19,11 @@ enum ExitStatus {
   kInputRefused = 3,
   kInvalidLeft = 4,
   kServer = 5,
-  kStraightLeft = 6,
+  kPartLeft = 6,
   kInterrupted = 130,
 };
 
-/// An exit status in words, for the help and the manual.
-struct ExitStatusMeaning {
-  ExitStatus status;
-  std::string_view meaning;
-};
+/// In words, for the help and the manual.
 std::span<const ExitStatusMeaning> exit_statuses();
 
 /// Prints "varimesh: SENTENCE" on standard error and returns the exit status for the error.

@@ -12,7 +12,6 @@
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
-#include "client/jobs/own_orders.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/runs/failed_surfaces.h"
@@ -31,8 +30,6 @@ Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
   if (const auto distinct = check_distinct(*outputs, {arguments.history, arguments.report}, arguments.common.json);
       !distinct)
     return tl::unexpected(distinct.error());
-  if (arguments.keep_orders)
-    if (const auto fine = check_own_orders(arguments.input.mesh, *outputs); !fine) return tl::unexpected(fine.error());
   return outputs;
 }
 
@@ -49,6 +46,7 @@ v1::JobSpec spec_of(const OptimiseArguments& arguments, const std::vector<Output
   v1::JobSpec spec;
   *spec.mutable_options() = arguments.options;
   if (arguments.wanted_layers) *spec.mutable_layers() = *arguments.wanted_layers;
+  spec.set_keep_orders(arguments.input.keep_orders);
   add_file_label(arguments.name.empty() ? arguments.input.mesh : arguments.name, spec.mutable_labels());
   for (const v1::MeshFormat format : formats_with_report(formats_of(outputs), arguments.report))
     spec.add_outputs(format);
@@ -90,17 +88,11 @@ int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Jo
   delivery.report = arguments.report;
   delivery.accepts_cancelled = interrupted();
   const int status = deliver(client, ended, delivery, arguments.common);
-  if (status != kDone) return status;
+  if (status != kDone && status != kPartLeft) return status;
   const std::string left = uncertified_file(delivery.outputs);
   if (left.empty()) return status;
   std::cerr << "varimesh: " << left << std::endl;
   return kInvalidLeft;
-}
-
-/// Whether the outputs of the run have been written.
-bool has_result(const v1::Job& ended) {
-  return ended.state() == v1::JOB_STATE_SUCCEEDED ||
-         (interrupted() && ended.state() == v1::JOB_STATE_CANCELLED && ended.results_size() > 0);
 }
 
 /// Runs the job and returns the exit status. `geometry_report` gets what came of a model.
@@ -145,10 +137,6 @@ int run(OptimiseArguments arguments, v1::GeometryReport* geometry_report) {
   if (!ended) return ended.error();
   *geometry_report = ended->metrics().geometry();
   const int status = deliver_run(client, arguments, *ended, *outputs);
-  if (arguments.keep_orders && has_result(*ended))
-    if (const auto done = write_own_orders(arguments.input.mesh, *outputs, arguments.options.threads(), print_sentence);
-        !done)
-      return print_error(done.error());
   if (ended->has_error()) say_fitting_orders(arguments.input, *ended);
   return status;
 }
@@ -175,14 +163,17 @@ Expected<void> take_layers(OptimiseArguments* arguments) {
 tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
   auto connection = connect(arguments.common);
   const bool has_model = !arguments.input.model.empty(), has_layers = arguments.wanted_layers.has_value();
-  if (!connection || arguments.common.server.empty() || (!has_model && !has_layers)) return connection;
+  const bool asks_for_more = has_model || has_layers || arguments.input.keep_orders;
+  if (!connection || arguments.common.server.empty() || !asks_for_more) return connection;
   const auto server = connection->client->info();
   if (!server) return tl::unexpected(print_error(server.error()));
-  const bool takes_layers = !has_layers || server->takes_layers();
-  if (takes_layers && (!has_model || server->takes_geometries())) return connection;
-  if (!arguments.common.quiet)
-    std::cerr << "The server " << (takes_layers ? "takes no geometries" : "makes no layers, because it is older")
-              << ", so the job runs in this process." << std::endl;
+  const std::string lacks = has_layers && !server->takes_layers() ? "makes no layers, because it is older"
+                            : arguments.input.keep_orders && !server->keeps_orders()
+                                ? "keeps no orders, because it is older"
+                            : has_model && !server->takes_geometries() ? "takes no geometries"
+                                                                       : "";
+  if (lacks.empty()) return connection;
+  if (!arguments.common.quiet) std::cerr << "The server " << lacks << ", so the job runs in this process." << std::endl;
   arguments.common.server.clear();
   return connect(arguments.common);
 }
@@ -225,11 +216,11 @@ int curve(OptimiseArguments arguments) {
   take_order(&arguments);
   v1::GeometryReport geometry;
   const int status = run(arguments, &geometry);
-  if (status == kDone && geometry.straight_elements() > 0) {
+  if ((status == kDone || status == kPartLeft) && geometry.straight_elements() > 0) {
     std::cerr << "varimesh: curved, but " << geometry.straight_elements()
               << (geometry.straight_elements() == 1 ? " boundary element stays" : " boundary elements stay")
               << " straight" << std::endl;
-    return kStraightLeft;
+    return kPartLeft;
   }
   if (status != kInvalidLeft || arguments.common.quiet) return status;
   for (const std::string& output : arguments.outputs)

@@ -18,7 +18,6 @@ struct OptimiseArguments {
   std::string name;  ///< What messages and the report call the mesh; empty: its path.
   std::vector<std::string> outputs;
   std::string format, history, report, request_id;
-  bool keep_orders = false;  ///< Elements that came at a lower order than others are written so again.
   v1::Options options;
   LayerFlags layers;
   std::optional<v1::Layers> wanted_layers;  ///< From the flags; set by optimise() and curve().

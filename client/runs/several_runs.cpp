@@ -257,6 +257,7 @@ int optimise_several(OptimiseArguments arguments, const std::vector<std::string>
   v1::JobSpec spec;
   *spec.mutable_options() = arguments.options;
   if (arguments.wanted_layers) *spec.mutable_layers() = *arguments.wanted_layers;
+  spec.set_keep_orders(arguments.input.keep_orders);
   Input input = arguments.input;
   auto geometry = hand_over_geometry(*connection->client, &input);
   if (!geometry) return print_error(geometry.error());

@@ -1,6 +1,7 @@
 // How far a long piece of work has come, for those who wait for it.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -24,6 +25,7 @@ struct Work {
   std::int64_t done = 0;
   std::int64_t of = 0;            ///< How much there is; 0 if that is not known.
   std::int64_t groups_left = -1;  ///< Groups of tetrahedra that the last look for splits has found; −1 before any look.
+  double seconds_left = -1;       ///< Of the run, as an estimate; −1 if nobody can tell.
 };
 
 /// What the kernels of the energy (core/kernels/, core/kernels/hessian/) have done in a run.
@@ -52,6 +54,12 @@ class WorkMeter {
   /// A look for splits has found this many groups. Every later report says so.
   void found_groups(std::int64_t groups) { groups_left_ = groups; }
 
+  /// The run is expected to end in so many seconds; negative: nobody can tell. Every later report counts them down.
+  void expect_end_in(double seconds) {
+    const auto in_ticks = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+    end_.store(seconds < 0 ? kNoEnd : (Clock::now().time_since_epoch() + in_ticks).count(), std::memory_order_relaxed);
+  }
+
   /// This much more is done. Several threads may call it at the same time. It costs a reading of the clock.
   void add(std::int64_t amount = 1) {
     const std::int64_t done = done_.fetch_add(amount, std::memory_order_relaxed) + amount;
@@ -59,7 +67,7 @@ class WorkMeter {
     Clock::rep due = due_.load(std::memory_order_relaxed);
     if (now < due || !due_.compare_exchange_strong(due, now + Clock::duration(kInterval).count())) return;
     const std::unique_lock lock(reporting_, std::try_to_lock);
-    if (lock) report_({activity_, done, of_, groups_left_});
+    if (lock) report_({activity_, done, of_, groups_left_, seconds_left(now)});
   }
 
   /// The kernels have done this. Several threads may call it at the same time, once for a loop over many cells.
@@ -74,12 +82,21 @@ class WorkMeter {
 
  private:
   using Clock = std::chrono::steady_clock;
+  static constexpr Clock::rep kNoEnd = -1;
+
+  /// As Work::seconds_left, at this time.
+  double seconds_left(Clock::rep now) const {
+    const Clock::rep end = end_.load(std::memory_order_relaxed);
+    return end == kNoEnd ? -1
+                         : std::chrono::duration<double>(Clock::duration(std::max<Clock::rep>(0, end - now))).count();
+  }
 
   const Report report_;
   Activity activity_ = Activity::Assembly;
   std::int64_t of_ = 0, groups_left_ = -1;
   std::atomic<std::int64_t> done_ = 0;
-  std::atomic<Clock::rep> due_ = 0;  ///< When the next report is due, in ticks of the clock.
+  std::atomic<Clock::rep> due_ = 0;       ///< When the next report is due, in ticks of the clock.
+  std::atomic<Clock::rep> end_ = kNoEnd;  ///< When the run is expected to end.
   std::mutex reporting_;
   std::atomic<double> operations_ = 0, kernel_seconds_ = 0;
 };

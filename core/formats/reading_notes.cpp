@@ -76,15 +76,9 @@ std::vector<CameLower> lower_of(const HighOrderMesh& mesh) {
   return order == mesh.order ? lower : std::vector<CameLower>();
 }
 
-void keep_orders(HighOrderMesh& mesh) {
+bool keep_orders(HighOrderMesh& mesh) {
   if (find_note(mesh, kKeepOrders) == nullptr) mesh.foreign.push_back({kKeepOrders, "", kOfNoFormat});
-}
-
-void keep_orders_of(const HighOrderMesh& read, HighOrderMesh& mesh) {
-  std::erase_if(mesh.foreign,
-                [](const ForeignSection& section) { return is_reading_note(section) && section.name == kLower; });
-  if (const ForeignSection* note = find_note(read, kLower)) mesh.foreign.push_back(*note);
-  keep_orders(mesh);
+  return find_note(mesh, kLower) != nullptr;
 }
 
 }  // namespace varimesh::formats

@@ -13,10 +13,8 @@ namespace varimesh::formats {
 std::vector<std::string> reading_notes(const HighOrderMesh& mesh);
 
 /// From now on, writers give elements that were raised their own order again, where this loses nothing
-/// (at_own_orders()) and the format can hold elements of several orders. left_out() says which stay raised.
-void keep_orders(HighOrderMesh& mesh);
-
-/// The same for the result of a run: `read` is the mesh that the run came from, and knows which elements were raised.
-void keep_orders_of(const HighOrderMesh& read, HighOrderMesh& mesh);
+/// (at_own_orders()) and the format can hold elements of several orders. left_out() says which stay raised. Returns
+/// whether any element was raised.
+bool keep_orders(HighOrderMesh& mesh);
 
 }  // namespace varimesh::formats

@@ -32,6 +32,7 @@ struct Iteration {
   double seconds = 0;                            ///< Since the optimisation began.
   /// Groups of tetrahedra without room that the last look for splits has found; −1 before any look.
   std::int64_t groups_left = -1;
+  double seconds_left = -1;  ///< Until the end of the run, as an estimate; −1 if it cannot be told.
 };
 
 }  // namespace varimesh

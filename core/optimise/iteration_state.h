@@ -5,7 +5,7 @@
 
 namespace varimesh {
 
-/// All but groups_left, which only several runs together have.
+/// All but groups_left, which only several runs together have, and seconds_left, which depends on the machine.
 template <class Archive>
 void iteration_state(Archive& archive, Iteration& i) {
   archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,

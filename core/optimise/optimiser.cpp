@@ -11,6 +11,7 @@
 #include "core/base/index.h"
 #include "core/base/team.h"
 #include "core/diagnosis/elements_text.h"
+#include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
@@ -90,9 +91,26 @@ Tried tried_by(const Options& options, const RunSummary& result, bool tried_othe
   return tried;
 }
 
+Forecast forecast_of(const Options& options) {
+  const bool ends_with_energy = options.objective == Objective::Energy || options.until == Until::Valid;
+  return Forecast({.goal = ends_with_energy                        ? Forecast::Goal::Energy
+                           : options.objective == Objective::Worst ? Forecast::Goal::Minimum
+                                                                   : Forecast::Goal::Loss,
+                   .only_sweeps = options.method == Method::Sweeps,
+                   .tolerance = options.tolerance,
+                   .time_limit = options.time_limit});
+}
+
 /// Optimises the mesh of the set-up, with splits if they were asked for. Says what is left.
-Result optimise_set_up(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
+Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl control, StopToken& stop) {
   const Options& options = set_up.options;
+  Forecast forecast = forecast_of(options);
+  control.forecast = &forecast;
+  const OnIteration on_iteration = [&](Iteration iteration) {
+    iteration.seconds_left = forecast.seconds_left(iteration.seconds).value_or(-1);
+    if (control.meter != nullptr) control.meter->expect_end_in(iteration.seconds_left);
+    return tell ? tell(iteration) : Control::Continue;
+  };
   if (options.time_limit > 0) stop.stop_after(options.time_limit - set_up.seconds);
   const bool may_split = splits(options.repair) && options.max_iterations > 0;
   if (may_split) set_up.seconds = 0;

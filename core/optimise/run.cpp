@@ -71,7 +71,9 @@ Run::Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& contr
 Result Run::go() {
   if (control_.checkpoint.empty()) grace_.watch();
   result_.sizes = set_up_.summary;
+  const double began = watch_.seconds();
   judge_as_it_came();
+  if (control_.forecast != nullptr) control_.forecast->judged_in(watch_.seconds() - began);
   result_.seconds = watch_.seconds();
   const bool iterates = options_.max_iterations > 0 && !has_no_free_node() && !grace_.stopped();
   if (iterates) run_stages();
@@ -310,11 +312,13 @@ void Run::descend(bool last) {
     return !last && result_.stop_reason == StopReason::Converged;
   };
   const std::uint64_t fingerprint = fingerprint_of_stage();
+  if (control_.forecast != nullptr) control_.forecast->descent(stage_run_->seconds());
   while (may_go_on()) {
     if (control_.threads) team_.set_threads(control_.threads());
     const DescentRound round = descent_->round();
     last = round.last;
     stage_run_->add(round);
+    forecast(round);
     if (!last && descents_ == 0 && control_.checkpoint_due && control_.checkpoint_due(stage_run_->last()))
       control_.save_checkpoint(stage_run_->last(), [&](const CheckpointSink& sink) {
         return stage_run_->write(sink, fingerprint, [this](CheckpointWriter& writer) { descent_->write(writer); });
@@ -327,10 +331,19 @@ void Run::descend(bool last) {
   }
 }
 
-bool Run::descends_again(bool& last) {
-  const bool ended = result_.stop_reason == StopReason::Converged && options_.target == Target::StraightSided;
+bool Run::is_worth_another_descent() const {
   const bool has_old_targets = !came_valid() && descents_ == 0 && descent_->best().merit.uncertified == 0;
-  if (!ended || !(descent_->has_gained() || has_old_targets) || descents_ + 1 == kMostDescents) return false;
+  return options_.target == Target::StraightSided && (descent_->has_gained() || has_old_targets) &&
+         descents_ + 1 < kMostDescents;
+}
+
+void Run::forecast(const DescentRound& round) {
+  if (control_.forecast != nullptr)
+    control_.forecast->round(round.residual, Descent::kSettled, is_worth_another_descent(), state_for_forecast());
+}
+
+bool Run::descends_again(bool& last) {
+  if (result_.stop_reason != StopReason::Converged || !is_worth_another_descent()) return false;
   most_accurate_ = descent_->take_best();
   std::vector<double> factors = descent_->factors();
   descent_.reset();

@@ -10,6 +10,7 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/result.h"
@@ -87,6 +88,9 @@ class Run {
   void iterate();
   /// Shows the mesh of the last iteration if somebody wants to see it.
   void show_mesh();
+  /// Tells the forecast of an iteration.
+  void forecast(const Iteration& last);
+  Forecast::State state_for_forecast() const;
   bool has_minimum_to_raise();
   void try_to_end_here();
   double consider();
@@ -116,6 +120,10 @@ class Run {
   DescentContext descent_context();
   /// The rounds of a descent. `last`: there are none.
   void descend(bool last);
+  /// Whether a descent from the mesh that the last one has made would be worth it.
+  bool is_worth_another_descent() const;
+  /// Tells the forecast of a round.
+  void forecast(const DescentRound& round);
   /// Begins the descent once more from the mesh that the last one has made, as another run would: with targets from
   /// that mesh. The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to
   /// nothing. `last`: there is nothing to gain. No checkpoint is taken in these descents.

@@ -14,6 +14,8 @@
 
 namespace varimesh {
 
+class Forecast;
+
 enum class Control : std::uint8_t { Continue, Stop };
 
 /// Called after every iteration, one call at a time. Stop ends the run with the mesh as it is.
@@ -54,6 +56,8 @@ struct RunControl {
   std::function<bool()> stop_asked;
   /// Counts the work inside iterations and between them. It must outlive the run; null: nobody wants to know.
   WorkMeter* meter = nullptr;
+  /// Told what the run does, to say how long it will still take; null: nobody wants to know. Set by optimise().
+  Forecast* forecast = nullptr;
   /// Asked for the Hessians of untangling if they need more than memory_needed() counts on. Without it the result is
   /// the same, but untangling of large patches takes up to fourteen times as long.
   SpareMemory spare_memory;

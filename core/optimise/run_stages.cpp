@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/diagnosis/diagnosis.h"
 #include "core/merit/thresholds.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/run.h"
@@ -131,6 +132,7 @@ std::optional<StopReason> Run::begin_next_stage() {
 
 void Run::iterate() {
   const std::uint64_t fingerprint = fingerprint_of_stage();
+  if (control_.forecast != nullptr) control_.forecast->begin(stage_run_->seconds());
   bool stopped = false;
   std::optional<StopReason> reason;
   while (!stopped && !reason) {
@@ -140,6 +142,7 @@ void Run::iterate() {
     if (stage_run_->has_just_given_up() && (!reason || *reason == StopReason::Iterations))
       team_.run([&] { try_to_end_here(); });
     const Iteration& last = stage_run_->last();
+    forecast(last);
     if (!reason && control_.checkpoint_due && stage_run_->can_be_kept() && control_.checkpoint_due(last))
       control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });
     stopped = on_iteration_ && on_iteration_(last) == Control::Stop;
@@ -149,6 +152,24 @@ void Run::iterate() {
   result_.converged = stage_run_->converged();
   result_.stopped = stopped;
   result_.stop_reason = stopped ? StopReason::Stopped : *reason;
+}
+
+void Run::forecast(const Iteration& last) {
+  if (control_.forecast == nullptr) return;
+  const auto method = last.phase == Phase::Sweeps   ? Forecast::Method::Sweep
+                      : last.phase == Phase::Newton ? Forecast::Method::Newton
+                                                    : Forecast::Method::Untangle;
+  control_.forecast->step(method, last.residual, state_for_forecast());
+}
+
+Forecast::State Run::state_for_forecast() const {
+  Forecast::State state{.now = stage_run_->last().seconds, .is_valid = guard_->uncertified() == 0};
+  if (state.is_valid || !set_up_.leaves_the_way_open) return state;
+  const std::vector<Certificate>& certificates = guard_->latest_certificates();
+  const std::vector<char> hopeless = cells_beyond_repair(result_.unrepairable, certificates.size());
+  for (std::size_t cell = 0; cell < certificates.size() && !state.hopes; ++cell)
+    state.hopes = !certificates[cell].is_valid() && hopeless[cell] == 0;
+  return state;
 }
 
 /// Does what the end of a run with Until::Valid would do here, and keeps the outcome. The iterations go on as they

@@ -34,7 +34,7 @@ arguments:
 # If you can use such a mesh, move 4 to successCodes.
 successCodes: [0]
 temporaryFailCodes: [5]
-permanentFailCodes: [1, 2, 3, 4]
+permanentFailCodes: [1, 2, 3, 4, 6]
 stdout: $(inputs.name).json
 outputs:
   msh: {type: File, outputBinding: {glob: $(inputs.name).msh}}

@@ -217,6 +217,7 @@ grpc::ServerUnaryReactor* JobService::info(Call* call, const Request* bytes, v1:
       response->add_energies(static_cast<v1::Energy>(energy));
     response->set_takes_geometries(api_.scheduler.takes_geometries());
     response->set_takes_layers(true);
+    response->set_keeps_orders(true);
     response->set_takes_webhooks(api_.scheduler.takes_webhooks());
     if (!view.caller().rights.contains(kRead)) return grpc::Status::OK;
     *response->mutable_start_time() = timestamp(api_.start_time);

@@ -122,6 +122,12 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
       "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
+/// Has the writers give elements that came at a lower order than others their own order again.
+void keep_orders(HighOrderMesh& mesh, const RunHooks& hooks) {
+  if (!formats::keep_orders(mesh) && hooks.on_note)
+    hooks.on_note("No element came at a lower order than others, so there are no orders to keep.");
+}
+
 /// The summary of a run that was stopped before it had a mesh.
 RunSummary stopped_early() {
   RunSummary summary;
@@ -321,6 +327,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (!*file) return RunOutcome(stopped_early());
   for (const std::string& note : formats::reading_notes((*file)->mesh))
     if (hooks.on_note) hooks.on_note(note);
+  if (request.keep_orders) keep_orders((*file)->mesh, hooks);
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 

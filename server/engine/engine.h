@@ -31,6 +31,7 @@ struct RunRequest {
   std::optional<v1::QualityTask> quality;  ///< If set, the mesh is judged, and nothing moves.
   std::optional<v1::Geometry> geometry;    ///< If set, boundary nodes slide before the mesh is optimised.
   std::optional<v1::Layers> layers;        ///< If set, thick cells are split into layers in the end.
+  bool keep_orders = false;                ///< Elements that came at a lower order are written so again.
   std::shared_ptr<const Blob> cad_file;    ///< The CAD file if they slide on a model. core_engine() does not read it.
   std::shared_ptr<const geometry::CadModel> model;  ///< The model once it is read. core_engine() slides on it.
 };

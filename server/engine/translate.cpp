@@ -62,6 +62,7 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_left_elements(iteration.left_elements);
   message.set_seconds(iteration.seconds);
   if (iteration.groups_left >= 0) message.set_groups_left(iteration.groups_left);
+  if (iteration.seconds_left >= 0) message.set_seconds_left(iteration.seconds_left);
   return message;
 }
 
@@ -81,6 +82,7 @@ Iteration iteration_from(const v1::Iteration& message) {
   iteration.linear_solve = take<LinearSolve>(message.linear_solve());
   iteration.seconds = message.seconds();
   if (message.has_groups_left()) iteration.groups_left = message.groups_left();
+  if (message.has_seconds_left()) iteration.seconds_left = message.seconds_left();
   return iteration;
 }
 
@@ -90,6 +92,7 @@ v1::Work to_proto(const Work& work) {
   message.set_done(work.done);
   message.set_of(work.of);
   if (work.groups_left >= 0) message.set_groups_left(work.groups_left);
+  if (work.seconds_left >= 0) message.set_seconds_left(work.seconds_left);
   return message;
 }
 

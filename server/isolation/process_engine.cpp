@@ -89,6 +89,7 @@ class Conversation {
     if (request_.quality) *request.mutable_quality() = *request_.quality;
     if (request_.geometry) *request.mutable_geometry() = *request_.geometry;
     if (request_.layers) *request.mutable_layers() = *request_.layers;
+    request.set_keep_orders(request_.keep_orders);
     request.set_mesh_bytes(mesh_bytes_);
     request.set_checkpoint_bytes(checkpoint_bytes_);
     request.set_has_hdf5(formats::has_hdf5());
@@ -125,7 +126,7 @@ class Conversation {
            (request_.geometry ? kSecondsForGeometry : 0);
   }
 
-  /// A process that has ended hears nothing, but what it said before counts: the outcome may be among that.
+  /// A process that has ended hears nothing, but what it said before counts.
   void send(const worker::ToWorker& message, int file = -1) {
     if (process_->channel().send(message, file) || process_->channel().is_closed()) return;
     fail_ended();
@@ -191,8 +192,7 @@ class Conversation {
       case worker::FromWorker::kCheckpoint:
         return save_checkpoint(iteration_from(message.checkpoint()));
       case worker::FromWorker::kWork:
-        if (hooks_.on_work) hooks_.on_work(message.work());
-        return;
+        return hooks_.on_work ? hooks_.on_work(message.work()) : void();
       case worker::FromWorker::kKernels:
         return add_reported(message.kernels(), began_, most_threads(), hooks_.control.meter);
       case worker::FromWorker::kNote:

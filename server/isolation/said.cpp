@@ -43,7 +43,7 @@ bool is_size(std::int64_t bytes) { return bytes >= 0 && bytes <= kMostMemory; }
 void check_iteration(const v1::Iteration& iteration) {
   require(iteration.number() >= 0 && iteration.invalid_elements() >= 0 && iteration.active_nodes() >= 0 &&
               iteration.repairable_elements() >= 0 && iteration.products() >= 0 && iteration.left_elements() >= 0 &&
-              iteration.groups_left() >= 0 && iteration.seconds() >= 0,
+              iteration.groups_left() >= 0 && iteration.seconds() >= 0 && iteration.seconds_left() >= 0,
           "told of an iteration with negative numbers");
 }
 
@@ -136,7 +136,8 @@ void Said::check(const worker::FromWorker& message) {
       checkpoint_ += static_cast<std::int64_t>(message.checkpoint_piece().size());
       return require(checkpoint_ <= admitted_ + kOutputBeside, "wrote more than a checkpoint can have");
     case Kind::kWork:
-      return require(message.work().done() >= 0 && message.work().of() >= 0 && message.work().groups_left() >= 0,
+      return require(message.work().done() >= 0 && message.work().of() >= 0 && message.work().groups_left() >= 0 &&
+                         message.work().seconds_left() >= 0,
                      "told of work with negative numbers");
     case Kind::kReading:
       require(!asked_to_run_ && ++asked_to_read_ <= kMostClaims, "asked for memory to read too often");

@@ -258,6 +258,7 @@ RunRequest request_from(const worker::Request& message) {
   if (message.has_quality()) request.quality = message.quality();
   if (message.has_geometry()) request.geometry = message.geometry();
   if (message.has_layers()) request.layers = message.layers();
+  request.keep_orders = message.keep_orders();
   return request;
 }
 

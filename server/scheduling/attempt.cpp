@@ -195,6 +195,7 @@ RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input,
   if (spec.has_quality()) request.quality = spec.quality();
   if (spec.has_geometry()) request.geometry = spec.geometry();
   if (spec.has_layers()) request.layers = spec.layers();
+  request.keep_orders = spec.keep_orders();
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   return request;
 }

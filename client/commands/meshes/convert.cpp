@@ -5,7 +5,6 @@
 
 #include "client/commands/commands.h"
 #include "client/io/inputs.h"
-#include "client/jobs/own_orders.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
@@ -105,7 +104,7 @@ Action add_convert(Command program) {
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
   command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
   command.add("--simplices", &arguments->simplices, "Cut all elements into triangles or tetrahedra, without new nodes");
-  command.add("--keep-orders", &arguments->keep_orders, kKeepOrdersHelp);
+  add_keep_orders_flag(command, &arguments->keep_orders);
   add_repair_flags(command, &arguments->repairs);
   return [arguments] { return convert(*arguments); };
 }

@@ -28,6 +28,7 @@ from .errors import (
     Stopped,
     VarimeshError,
 )
+from .events import Event, Iteration, Work
 from .job import Job, Result
 from .local import LocalClient, local
 from .mesh import Block, Mesh
@@ -36,8 +37,6 @@ from .progress import Progress
 from .reports import (
     CellQuality,
     Certified,
-    Event,
-    Iteration,
     Metrics,
     Quality,
     Remedy,
@@ -46,7 +45,6 @@ from .reports import (
     SlideTrial,
     Unrepairable,
     WhatIsLeft,
-    Work,
 )
 from .shared import optimise, optimize, quality
 from .version import __version__

@@ -18,7 +18,8 @@ from .client import Client, MeshLike, Path, Paths
 from .connection import Stop
 from .job import Job, Result
 from .options import Geometry, Layers, Options
-from .reports import CellQuality, Event, ServerInfo
+from .events import Event
+from .reports import CellQuality, ServerInfo
 
 T = TypeVar("T")
 
@@ -160,7 +161,7 @@ class AsyncClient:
                        arrays: bool | None = None, request_id: str | None = None,
                        labels: Mapping[str, str] | None = None, priority: int = 0,
                        geometry: Geometry | Path | None = None, layers: Layers | None = None,
-                       **options: Unpack[Options]) -> Result:  # fmt: skip
+                       keep_orders: bool = False, **options: Unpack[Options]) -> Result:  # fmt: skip
         """As Client.optimise(), but the result has its mesh already. `on_event` is called in the event loop."""
         loop = asyncio.get_running_loop()
         failures: list[BaseException] = []
@@ -181,7 +182,8 @@ class AsyncClient:
         def optimise() -> Result:
             result = self._client.optimise(
                 mesh, output, format=format, progress=progress, on_event=None if on_event is None else tell, arrays=arrays, request_id=request_id,
-                labels=labels, priority=priority, geometry=geometry, layers=layers, **options)  # fmt: skip
+                labels=labels, priority=priority, geometry=geometry, layers=layers, keep_orders=keep_orders,
+                **options)  # fmt: skip
             if "parts" in result.formats:
                 result.mesh  # noqa: B018
             return result
@@ -202,9 +204,10 @@ class AsyncClient:
     async def submit(self, mesh: MeshLike, *, outputs: Iterable[str] = (), request_id: str | None = None,
                      labels: Mapping[str, str] | None = None, priority: int = 0,
                      geometry: Geometry | Path | None = None, layers: Layers | None = None,
-                     **options: Unpack[Options]) -> AsyncJob:  # fmt: skip
+                     keep_orders: bool = False, **options: Unpack[Options]) -> AsyncJob:  # fmt: skip
         return AsyncJob(await in_thread(self._client.submit, mesh, outputs=outputs, request_id=request_id,
-                                         labels=labels, priority=priority, geometry=geometry, layers=layers, **options))  # fmt: skip
+                                         labels=labels, priority=priority, geometry=geometry, layers=layers,
+                                         keep_orders=keep_orders, **options))  # fmt: skip
 
     async def job(self, name: str) -> AsyncJob:
         return AsyncJob(await in_thread(self._client.job, name))

@@ -15,15 +15,15 @@ from . import pages, reports, transfer
 from .adapters import as_mesh
 from .connection import Connection, Patience, Stop, default_address, find_credentials, find_token
 from .errors import BadMesh, BadOption, JobCancelled, JobFailed, Stopped, VarimeshError
+from .events import Event, event_of, watch
 from .job import Job, Result
 from .mesh import Mesh, from_parts, to_parts
 from .names import spellings, suggestion
 from .numbering import OF_FILES, Numbering
 from .options import Geometry, Layers, Options, numbered_from_one, to_message
 from .progress import Progress
-from .reports import CellQuality, Event, Quality, ServerInfo
+from .reports import CellQuality, Quality, ServerInfo, info_of
 from .v1 import job_pb2, mesh_pb2, service_pb2, service_pb2_grpc
-from .watching import watch
 
 #: A file's path, a Mesh, (nodes, cells), a meshio mesh, a pyvista grid, or the module gmsh.
 MeshLike: TypeAlias = Any
@@ -90,7 +90,7 @@ class Client:
                  progress: bool = False, on_event: Callable[[Event], object] | None = None,
                  arrays: bool | None = None, request_id: str | None = None, labels: Mapping[str, str] | None = None,
                  priority: int = 0, geometry: Geometry | Path | None = None, layers: Layers | None = None,
-                 **options: Unpack[Options]) -> Result:  # fmt: skip
+                 keep_orders: bool = False, **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
         `output` names files to write (.msh in `format`, .vtu, .mesh, .xml, .su2, .h5, .cgns,
@@ -98,7 +98,8 @@ class Client:
         `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
         For a mesh in arrays, numbers in options and reports count from 0. `geometry` is a CAD model on which boundary nodes
         slide first, on a server that takes geometries. `layers` says into which layers thick cells at walls are split in the
-        end.
+        end. With `keep_orders`, elements of a file that came at a lower order than others are written so again, where this
+        loses nothing and the format can hold it.
 
         Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption, BadMesh or BadOutput. It
         is no error if elements of the result are not certified valid; `result.valid` says whether all are.
@@ -115,7 +116,8 @@ class Client:
             wanted += ["as-read"] if _is_path(mesh) and all(one in reports.FORMAT_OF_ENDING.values() for one in wanted) else []
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
-                          priority=priority, geometry=geometry, layers=layers, **options)  # fmt: skip
+                          priority=priority, geometry=geometry, layers=layers, keep_orders=keep_orders,
+                          **options)  # fmt: skip
         show = Progress(options.get("tolerance") or 1e-3) if progress else None
         try:
             for event in job.watch():
@@ -159,7 +161,7 @@ class Client:
 
     def submit(self, mesh: MeshLike, *, outputs: Iterable[str] = (), request_id: str | None = None,
                labels: Mapping[str, str] | None = None, priority: int = 0, geometry: Geometry | Path | None = None,
-               layers: Layers | None = None, **options: Unpack[Options]) -> Job:  # fmt: skip
+               layers: Layers | None = None, keep_orders: bool = False, **options: Unpack[Options]) -> Job:  # fmt: skip
         """Sends a mesh and puts a job in the queue.
 
         `outputs` names formats ("msh41-binary", "vtu", "parts" for arrays, "as-read"); the default is "as-read". Arrays have
@@ -176,10 +178,10 @@ class Client:
                                outputs=[_format_number(name) for name in outputs])  # fmt: skip
         if geometry is not None:
             spec.geometry.CopyFrom(self._upload_geometry(geometry))
+        if layers is not None or keep_orders:
+            self.info().check(layers=layers is not None, keep_orders=keep_orders)
+            spec.keep_orders = keep_orders
         if layers is not None:
-            if not self.info().takes_layers:  # an old server would leave the layers out without a word
-                raise BadOption("This server makes no layers, because it is older than they are. Use another one, or split the "
-                                "result with 'varimesh layers'.")  # fmt: skip
             spec.layers.CopyFrom(layers.to_message())
         spec.mesh.digest = self.upload(mesh if arrays is None else arrays)
         if arrays is not None:
@@ -209,7 +211,7 @@ class Client:
 
     def info(self) -> ServerInfo:
         """The server's version, its limits and what it accepts."""
-        return reports.info_of(self._connection.call(self._jobs.GetServerInfo, service_pb2.GetServerInfoRequest()))
+        return info_of(self._connection.call(self._jobs.GetServerInfo, service_pb2.GetServerInfoRequest()))
 
     # ===== meshes =====
 
@@ -237,9 +239,7 @@ class Client:
         message = geometry.to_message()
         if geometry.file is None:
             return message
-        if not self.info().takes_geometries:  # an old server would leave the geometry out without a word
-            raise BadOption("This server takes no geometries: it has no OpenCASCADE, runs jobs in its own process, or is older "
-                            "than they are. Use another one, or let 'varimesh optimise --geometry' slide the nodes.")  # fmt: skip
+        self.info().check(geometry=True)
         message.digest = self.upload(geometry.file)
         return message
 
@@ -342,7 +342,7 @@ class Client:
         self._connection.call(self._jobs.DeleteJob, service_pb2.DeleteJobRequest(name=name))
 
     def _watch(self, name: str, after: int, numbering: Numbering = OF_FILES) -> Iterator[Event]:
-        return (reports.event_of(event, numbering) for event in watch(self._connection, self._jobs, name, after))
+        return (event_of(event, numbering) for event in watch(self._connection, self._jobs, name, after))
 
     def _result(self, name: str) -> tuple[job_pb2.Job, list[Any]]:
         """The job and its history."""

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from . import pages, reports
 from .adapters import to_meshio
 from .errors import BadOption, VarimeshError
+from .events import Event, history_of
 from .numbering import Numbering
 from .mesh import Mesh, from_parts
 from .progress import Progress
-from .reports import CellQuality, Event, Metrics, Quality
+from .reports import CellQuality, Metrics, Quality
 from .v1 import job_pb2, mesh_pb2
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ class Result:
         self.state = reports.state_name(message.state)
         self._numbering = numbering_of(message)
         self.metrics: Metrics = reports.metrics_of(message.metrics, self._numbering)
-        self.history: NDArray[Any] = reports.history_of(iterations)
+        self.history: NDArray[Any] = history_of(iterations)
         self._mesh: Mesh | None = None
         self._quality: CellQuality | None = None
         self._report: str | None = None

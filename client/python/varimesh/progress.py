@@ -5,10 +5,9 @@ import math
 import shutil
 import sys
 import time
-from collections import deque
 from typing import TextIO
 
-from .reports import Event, Iteration, Work
+from .events import Event, Iteration, Work
 
 _WIDTH = 16
 
@@ -21,8 +20,8 @@ class Progress:
         self._stream = stream or sys.stderr
         self._terminal = self._stream.isatty()
         self._tolerance = tolerance
-        self._recent: deque[tuple[float, float]] = deque(maxlen=20)  # seconds and log10 of residuals
-        self._phase = ""
+        self._end: float | None = None  # when the job will end, on the monotonic clock
+        self._share: float | None = None  # of its time has passed
         self._first = 0.0
         self._number = 0
         self._began = time.monotonic()
@@ -50,47 +49,50 @@ class Progress:
         self._stream.flush()
 
     def seconds_left(self) -> float | None:
-        """The seconds left if the residual continues to fall as it did lately. None if it does not fall, or if too little
-        is known."""
-        if len(self._recent) < 3 or self._tolerance <= 0:
-            return None
-        (first_time, first), (time_now, now) = self._recent[0], self._recent[-1]
-        if time_now <= first_time or first - now < 0.05:
-            return None
-        return max(0.0, now - math.log10(self._tolerance)) * (time_now - first_time) / (first - now)
+        """The seconds left, as the job itself said last, counted down. None if it cannot tell, or if its server is older."""
+        return None if self._end is None else max(0.0, self._end - time.monotonic())
+
+    def _left(self, seconds: float | None) -> str:
+        """Takes what a message says, and puts it in words."""
+        self._end = None if seconds is None else time.monotonic() + seconds
+        return "" if seconds is None else f"  about {seconds:.0f} s left"
 
     def _show(self, now: Iteration) -> None:
-        if now.phase != self._phase:  # the residual falls at another rate in each phase
-            self._recent.clear()
-            self._phase = now.phase
-        if now.residual > 0:
-            self._recent.append((now.seconds, math.log10(now.residual)))
-            self._first = self._first or now.residual
+        left = self._left(now.seconds_left)
+        self._first = self._first or now.residual
         self._number = now.number
         if not self._is_due():
             return
-        left = self.seconds_left()
-        text = (f"{now.phase} {now.number:>4}  residual {now.residual:.2e}  min Js {now.min_scaled_jacobian:>7.4f}  "
-                f"not certified {now.left_elements}  {now.seconds:.1f} s"
-                + ("" if left is None else f"  about {left:.0f} s left"))  # fmt: skip
+        # The mesh of an iteration is a trial if cells would go back to where they are certified.
+        trial = now.invalid_elements != now.left_elements or (now.left_elements == 0 and now.min_scaled_jacobian <= 0)
+        smallest = "" if trial else f"min Js {now.min_scaled_jacobian:>7.4f}  "
+        text = (f"{now.phase} {now.number:>4}  residual {now.residual:.2e}  {smallest}"
+                f"not certified {now.left_elements}  {now.seconds:.1f} s{left}")  # fmt: skip
         if not self._terminal:
             self._line(text)
             return
-        done = 0.0
-        if now.residual <= self._tolerance:
-            done = 1.0
-        elif self._first > self._tolerance > 0:
-            done = math.log(self._first / now.residual) / math.log(self._first / self._tolerance)
-        filled = int(_WIDTH * min(1.0, max(0.0, done)))
+        if now.seconds_left is not None:
+            self._share = max(self._share or 0.0, now.seconds / max(now.seconds + now.seconds_left, 1e-9))
+        share = self._fallen(now.residual) if self._share is None else self._share
+        filled = int(_WIDTH * min(1.0, max(0.0, share)))
         self._draw("[" + "#" * filled + "." * (_WIDTH - filled) + "] " + text)
 
+    def _fallen(self, residual: float) -> float:
+        """How far the residual has fallen towards the tolerance. It says how far a job has come that cannot tell its end."""
+        if residual <= self._tolerance:
+            return 1.0
+        if not self._first > self._tolerance > 0:
+            return 0.0
+        return math.log(self._first / residual) / math.log(self._first / self._tolerance)
+
     def _show_work(self, work: Work) -> None:
+        left = self._left(work.seconds_left)
         # A short run shows its iterations, and nothing of what is inside them.
         if time.monotonic() < self._began + self._interval() or not self._is_due():
             return
         amount = f"{100 * min(work.done, work.of) / work.of:.0f} %" if work.of > 0 else str(work.done)
         groups = "" if work.groups_left is None else f"  groups left {work.groups_left}"
-        text = f"after {self._number:>4}  {work.activity} {amount}{groups}"
+        text = f"after {self._number:>4}  {work.activity} {amount}{groups}{left}"
         self._draw(text) if self._terminal else self._line(text)
 
     def _interval(self) -> float:

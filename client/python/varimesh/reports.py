@@ -1,7 +1,6 @@
 """The server's messages about jobs, as plain data."""
 from __future__ import annotations
 
-import datetime
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,16 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import wire
+from .errors import BadOption
 from .names import spelled
 from .numbering import OF_FILES, Numbering
 from .options import GeometryReport, LayersReport, geometry_report_of, layers_report_of
 from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
-
-HISTORY = np.dtype(
-    [("number", "i4"), ("phase", "U8"), ("energy", "f8"), ("residual", "f8"), ("relative_gradient", "f8"),
-     ("min_scaled_jacobian", "f8"), ("invalid_elements", "i8"), ("active_nodes", "i8"), ("seconds", "f8"),
-     ("repairable_elements", "i8"), ("products", "i4"), ("linear_solve", "U18"), ("left_elements", "i8")])  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Certified:
@@ -162,59 +156,6 @@ class Metrics:
 
 
 @dataclass(frozen=True)
-class Iteration:
-    """What is known after an iteration. proto/varimesh/v1/optimise.proto describes the fields."""
-
-    number: int
-    phase: str
-    energy: float
-    residual: float
-    relative_gradient: float
-    min_scaled_jacobian: float
-    invalid_elements: int
-    active_nodes: int
-    seconds: float
-    repairable_elements: int
-    products: int
-    linear_solve: str
-    left_elements: int  # that would not be certified valid if the run ended here
-
-
-@dataclass(frozen=True)
-class Work:
-    """How far a run has come inside an iteration, or between two."""
-
-    activity: str  # assembly, products, sweep or splits
-    done: int
-    of: int  # 0: not known
-    groups_left: int | None  # without room, found by the last look for splits; None before any
-
-
-@dataclass(frozen=True, repr=False)
-class Event:
-    """One thing that happened to a job. One of state, iteration, quality (with stage), log, slide_trial and work is set.
-    `work` comes at most ten times per second and is not kept. None is set in a bookmark, which only shows that the server
-    is alive."""
-
-    sequence: int
-    attempt: int
-    time: datetime.datetime
-    thinned: int
-    state: str | None = None
-    iteration: Iteration | None = None
-    stage: str | None = None
-    quality: Quality | None = None
-    log: str | None = None
-    work: Work | None = None
-    slide_trial: SlideTrial | None = None  # another way to slide begins or has ended
-
-    def __repr__(self) -> str:
-        kinds = ("state", "iteration", "quality", "log", "work", "slide_trial")
-        what = next((value for kind in kinds if (value := getattr(self, kind)) is not None), "bookmark")
-        return f"<event {self.sequence}: {what}>"
-
-
-@dataclass(frozen=True)
 class ServerInfo:
     """The server's version, its limits and what it accepts."""
 
@@ -229,7 +170,19 @@ class ServerInfo:
     running_jobs: int
     takes_geometries: bool  #: whether boundary nodes may slide on CAD models in jobs of this server
     takes_layers: bool  #: whether jobs of this server split thick cells into layers
+    keeps_orders: bool  #: whether jobs of this server write elements at their own orders again
 
+    def check(self, *, geometry: bool = False, layers: bool = False, keep_orders: bool = False) -> None:
+        """Raises BadOption if a job asks for what the server does not know. An old server would leave it out without a word."""
+        if geometry and not self.takes_geometries:
+            raise BadOption("This server takes no geometries: it has no OpenCASCADE, runs jobs in its own process, or is older "
+                            "than they are. Use another one, or let 'varimesh optimise --geometry' slide the nodes.")  # fmt: skip
+        if layers and not self.takes_layers:
+            raise BadOption("This server makes no layers, because it is older than they are. Use another one, or split the "
+                            "result with 'varimesh layers'.")  # fmt: skip
+        if keep_orders and not self.keeps_orders:
+            raise BadOption("This server keeps no orders, because it is older than keep_orders. Use another one, or "
+                            "'varimesh optimise --keep-orders'.")  # fmt: skip
 
 
 def state_name(number: int) -> str:
@@ -307,41 +260,6 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         if message.HasField("layers") else None)  # fmt: skip
 
 
-def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
-    values = {name: getattr(message, name) for name in Iteration.__dataclass_fields__}
-    values["phase"] = spelled(optimise_pb2.Phase.DESCRIPTOR, message.phase)
-    values["linear_solve"] = spelled(optimise_pb2.LinearSolve.DESCRIPTOR, message.linear_solve)
-    return Iteration(**values)
-
-
-def history_of(iterations: list[optimise_pb2.Iteration]) -> NDArray[Any]:
-    names = HISTORY.names
-    assert names is not None
-    rows = [iteration_of(one) for one in iterations]
-    return np.array([tuple(getattr(row, name) for name in names) for row in rows], dtype=HISTORY)
-
-
-def event_of(message: job_pb2.JobEvent, numbering: Numbering = OF_FILES) -> Event:
-    what: dict[str, Any] = {}
-    kind = message.WhichOneof("event")
-    if kind == "state_change":
-        what["state"] = state_name(message.state_change.state)
-    elif kind == "iteration":
-        what["iteration"] = iteration_of(message.iteration)
-    elif kind == "quality":
-        what["stage"] = spelled(job_pb2.QualityEvent.Stage.DESCRIPTOR, message.quality.stage)
-        what["quality"] = quality_of(message.quality.report, numbering)
-    elif kind == "log":
-        what["log"] = message.log.text
-    elif kind == "slide_trial":
-        what["slide_trial"] = slide_trial_of(message.slide_trial)
-    elif kind == "bookmark" and message.bookmark.HasField("work"):
-        work = message.bookmark.work
-        groups = work.groups_left if work.HasField("groups_left") else None
-        what["work"] = Work(spelled(job_pb2.Work.Activity.DESCRIPTOR, work.activity), work.done, work.of, groups)
-    return Event(message.sequence, message.attempt, message.time.ToDatetime(tzinfo=datetime.timezone.utc), message.thinned, **what)
-
-
 def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
     limits = message.limits
     return ServerInfo(
@@ -350,4 +268,4 @@ def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
         tuple(format_name(one) for one in message.output_formats),
         tuple(spelled(optimise_pb2.Energy.DESCRIPTOR, one) for one in message.energies),
         message.pending_jobs, message.running_jobs, message.takes_geometries,
-        message.takes_layers)  # fmt: skip
+        message.takes_layers, message.keeps_orders)  # fmt: skip

@@ -9,8 +9,6 @@
 #include "core/geometry/load.h"
 #include "core/merit/merit.h"
 #include "core/merit/thresholds.h"
-#include "core/mesh/mesh_counts.h"
-#include "core/optimise/memory.h"
 #include "core/optimise/on_geometry/checkpoints_of_runs.h"
 #include "core/optimise/on_geometry/refine_on_model.h"
 
@@ -283,7 +281,10 @@ class Runs {
       return iteration;
     };
     const OnIteration pass_on = [&](const Iteration& own) {
-      return on_iteration_ ? on_iteration_(numbered(own)) : Control::Continue;
+      Iteration iteration = numbered(own);
+      iteration.seconds_left = left_of_all(own);
+      if (control_.meter != nullptr) control_.meter->expect_end_in(iteration.seconds_left);
+      return on_iteration_ ? on_iteration_(iteration) : Control::Continue;
     };
     const RunControl control = checkpoints_.control_of_next(numbered, !slides || run.slid);
     if (run.cut_short != StopToken::Reason::None && !is_first_) return run;
@@ -294,6 +295,13 @@ class Runs {
     run.result = std::move(*result);
     if (run.slid && run.slid->slid.report.nodes > 0) forget_that_nothing_moved(run.result.notes);
     return run;
+  }
+
+  /// As Iteration::seconds_left, for all runs, from what a run says of itself. Nobody knows how many ways to slide will
+  /// be tried for elements that are left. On a boundary without a model, another run without sliding follows the first.
+  double left_of_all(const Iteration& own) const {
+    if (own.seconds_left < 0 || (own.left_elements > 0 && !geometry_.on_boundary())) return -1;
+    return own.seconds_left + (geometry_.on_boundary() && is_first_ ? own.seconds + own.seconds_left : 0);
   }
 
   /// The optimisation does not know that boundary nodes have slid before it.
@@ -386,15 +394,6 @@ Expected<ResultOnGeometry> optimise_on_geometry(HighOrderMesh mesh, const Option
     model = &*loaded;
   }
   return Runs(std::move(mesh), options, geometry, model, watch, on_iteration, control, hooks).run();
-}
-
-std::int64_t memory_needed_on_geometry(const HighOrderMesh& mesh, const Options& options,
-                                       const GeometryOptions& geometry) {
-  Options of_curved = options;
-  if (geometry.order > 0) of_curved.order = geometry.order;
-  // Beside the run there are the mesh as it came and the best result so far.
-  const MeshCounts counts = count(mesh, of_curved.order > 0 ? of_curved.order : mesh.order);
-  return memory_needed(mesh, of_curved) + 2 * bytes_of_mesh(counts);
 }
 
 }  // namespace varimesh

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/diagnosis/diagnosis.h"
+#include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/run.h"
@@ -94,6 +95,8 @@ class Attempts {
  public:
   Attempts(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop, Result& result)
       : set_up_(set_up), on_iteration_(on_iteration), control_(control), stop_(stop), result_(result) {
+    if (control_.forecast != nullptr) control_.forecast->other_ways(result.seconds);
+    control_.forecast = nullptr;  // of what the ways do by themselves it knows nothing
     control_.checkpoint = {};
     control_.checkpoint_due = nullptr;
     control_.save_checkpoint = nullptr;

@@ -34,8 +34,6 @@ constexpr std::int64_t kLooksPerRound = 20'000;
 constexpr double kCaution = 10;
 /// More weight for low cells is given again if it has raised the minimum by this.
 constexpr double kWorthMore = 0.01;
-/// The rounds end when what is left moves no node by more than this, in units of the size of the cells around it.
-constexpr double kSettled = 1e-3;
 /// Newton steps of a round that move a node by more than this are followed by another one. Shorter ones are not: the
 /// next round has other frames.
 constexpr double kLongStep = 0.1;
@@ -52,6 +50,12 @@ constexpr int kFewProducts = 3;
 /// took a hundredth of the steps. With the convex part it takes half of them or all.
 constexpr double kConvexBelow = 0.25;
 constexpr std::int32_t kCellsPerTask = 4096;
+
+/// The scans saw the step. Where cells have gone back after it, the mesh has what is proved of it, which no scan is
+/// below.
+void show_kept(DescentRound& round, double proved) {
+  round.min_scaled_jacobian = std::max(round.min_scaled_jacobian, proved);
+}
 
 }  // namespace
 
@@ -318,8 +322,10 @@ DescentRound Descent::round() {
   note_scans(round);
   State state = kept_state();
   const Merit& merit = state.merit;
+  const double smallest = merit.smallest;
   if (merit.loss > threshold::kRises * accepted_loss_ && merit.smallest <= accepted_js_ && raises_ < kMostRaises) {
     take_back();
+    show_kept(round, accepted_js_);
     return round;
   }
   const bool rises = has_higher_minimum(merit, {.smallest = asked_.highest_minimum});
@@ -361,6 +367,7 @@ DescentRound Descent::round() {
   }
   if (low > 0) best_settling_ = false;
   if (round.last && begin_to_raise_lost()) round.last = false;
+  show_kept(round, smallest);
   return round;
 }
 

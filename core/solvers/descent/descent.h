@@ -44,13 +44,14 @@ struct DescentContext {
 
 /// What one round did.
 struct DescentRound {
-  double residual = 0;             ///< The largest displacement of a node in the round, in units of the size of the
-                                   ///< cells around it (sizes.h).
-  double relative_gradient = 0;    ///< The norm of the last gradient relative to the first one of the descent.
-  double energy = 0;               ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
-  double min_scaled_jacobian = 0;  ///< At the quadrature points.
-  int steps = 0;                   ///< Products of the second derivative.
-  bool last = false;               ///< Another round would gain nothing.
+  double residual = 0;           ///< The largest displacement of a node in the round, in units of the size of the
+                                 ///< cells around it (sizes.h).
+  double relative_gradient = 0;  ///< The norm of the last gradient relative to the first one of the descent.
+  double energy = 0;             ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
+  /// At the quadrature points; if cells have lost their certificate and gone back, at least what is proved of the mesh.
+  double min_scaled_jacobian = 0;
+  int steps = 0;      ///< Products of the second derivative.
+  bool last = false;  ///< Another round would gain nothing.
 };
 
 /// Minimises over the free nodes
@@ -85,6 +86,9 @@ class Descent {
   /// came in valid and its curvature costs a solver next to nothing beside the size of the cells, or the mesh keeps
   /// invalid cells and its curvature costs less than half of what the size does (has_loss.h).
   bool begin();
+
+  /// The rounds end when what is left moves no node by more than this, in units of the size of the cells around it.
+  static constexpr double kSettled = 1e-3;
 
   /// What to say if begin() returns false and the best mesh keeps invalid cells.
   static constexpr const char* kNotWorthIt =

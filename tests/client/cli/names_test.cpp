@@ -29,11 +29,5 @@ TEST(Names, ASpellingLeadsBackToItsValue) {
 
 TEST(Names, FlagsHaveDashes) { EXPECT_EQ(dashed("max_iterations"), "max-iterations"); }
 
-TEST(Names, JoinPutsSeparatorsBetweenWords) {
-  EXPECT_EQ(joined({"a", "b", "c"}, ", "), "a, b, c");
-  EXPECT_EQ(joined({"a"}, "|"), "a");
-  EXPECT_EQ(joined({}, "|"), "");
-}
-
 }  // namespace
 }  // namespace varimesh::client

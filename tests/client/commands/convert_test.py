@@ -2,10 +2,17 @@
 import json
 import unittest
 
-from programs import MESH, WithFolder, clockwise, run
+from programs import MESH, WithFolder, WithServer, clockwise, run
 
 
 LEFT_OUT = "varimesh: MFEM's format has no place for the numbers of nodes and elements; the file leaves them out.\n"
+
+
+def two_orders(middle):
+    """A triangle of order 2 beside one of order 1; `middle` is the middle of the side between them."""
+    return ("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n7\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 1 1 0\n"
+            f"5 0.5 0 0\n6 {middle} 0\n7 0 0.5 0\n$EndNodes\n$Elements\n2\n1 9 2 1 1 1 2 3 5 6 7\n"
+            "2 2 2 1 1 2 4 3\n$EndElements\n")  # fmt: skip
 
 
 class Convert(WithFolder):
@@ -125,14 +132,9 @@ class Convert(WithFolder):
         self.assertIn("because the format has no others", run("convert", eight, mfem).stderr)
 
     def test_elements_of_lower_order_are_written_so_again_if_asked_to(self):
-        def mesh(middle):
-            return ("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n7\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 1 1 0\n"
-                    f"5 0.5 0 0\n6 {middle} 0\n7 0 0.5 0\n$EndNodes\n$Elements\n2\n1 9 2 1 1 1 2 3 5 6 7\n"
-                    "2 2 2 1 1 2 4 3\n$EndElements\n")  # fmt: skip
-
         two, bent, out, mfem = (self.folder / name for name in ("two.msh", "bent.msh", "out.msh", "out.mesh"))
-        two.write_text(mesh("0.5 0.5"))
-        bent.write_text(mesh("0.53 0.53"))
+        two.write_text(two_orders("0.5 0.5"))
+        bent.write_text(two_orders("0.53 0.53"))
         raised = run("convert", two, out)
         self.assertIn("1 triangle of order 1. The 2 new nodes", raised.stderr)
         self.assertIn(" 9 2 1 1 2 4 3 ", out.read_text())
@@ -146,7 +148,8 @@ class Convert(WithFolder):
         self.assertEqual(out.read_text(), two.read_text())
         self.assertIn("1 element that came at a lower order stays at order 2",
                       run("optimise", bent, "-o", out, "--keep-orders").stderr)
-        self.assertIn("is for results in MSH files", run("optimise", two, "-o", mfem, "--keep-orders").stderr)
+        self.assertIn("has no such elements beside others", run("optimise", two, "-o", mfem, "--keep-orders").stderr)
+        self.assertIn("so there are no orders to keep", run("optimise", MESH, "-o", out, "--keep-orders").stderr)
 
     def test_a_format_that_contradicts_the_ending_is_refused(self):
         for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):
@@ -154,6 +157,20 @@ class Convert(WithFolder):
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertIn("contradicts", done.stderr)
         self.assertEqual(list(self.folder.iterdir()), [])
+
+
+class OrdersOnAServer(WithServer):
+    def test_jobs_keep_them(self):
+        two, out = self.folder / "two.msh", self.folder / "out.msh"
+        two.write_text(two_orders("0.5 0.5"))
+        job = self.remote("submit", two, "--keep-orders").stdout.strip()
+        self.assertEqual(self.remote("wait", job).returncode, 0)
+        self.assertEqual(self.remote("result", job, "-o", out).returncode, 0)
+        self.assertEqual(out.read_text(), two.read_text())
+        self.assertIn("1 element has its own lower order again.", self.remote("logs", job).stdout)
+        out.unlink()
+        self.assertEqual(self.remote("optimise", two, "-o", out, "--keep-orders").returncode, 0)
+        self.assertEqual(out.read_text(), two.read_text())
 
 
 if __name__ == "__main__":

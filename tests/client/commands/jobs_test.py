@@ -40,7 +40,7 @@ class Jobs(WithServer):
         self.assertNotIn("cancelled", early.stdout)
         self.remote("cancel", job)
         whole, _ = following.communicate(timeout=40)
-        self.assertRegex(whole, r"Z  sweeps +1 .*min Js[^\n]*not certified")
+        self.assertRegex(whole, r"Z  sweeps +2 .*min Js[^\n]*not certified")
         self.assertRegex(whole, r"Z  cancelled\n$")
         self.assertEqual(self.remote("logs", job, "--follow").stdout, whole)
         documents = [json.loads(line) for line in self.remote("logs", job, "--json").stdout.splitlines()]

@@ -71,6 +71,7 @@ TEST(Progress, LeavesOutWholeFiguresInNarrowTerminals) {
   iteration.set_number(12345);
   iteration.set_residual(3.79e-2);
   iteration.set_min_scaled_jacobian(-0.5);
+  iteration.set_invalid_elements(123456);
   iteration.set_left_elements(123456);
   iteration.set_seconds(1234.5);
   const std::string bar = "[####............] ", left = "  12 min left";
@@ -84,6 +85,32 @@ TEST(Progress, LeavesOutWholeFiguresInNarrowTerminals) {
     EXPECT_LE(text.size(), width);
     EXPECT_EQ(text.find("certified") == std::string::npos, text.find("certified 123456") == std::string::npos) << text;
   }
+}
+
+TEST(Progress, ShowsNoFigureOfAMeshThatWouldNotBeHandedOut) {
+  const auto shown = [](double smallest, int invalid, int left) {
+    v1::Iteration iteration;
+    iteration.set_min_scaled_jacobian(smallest);
+    iteration.set_invalid_elements(invalid);
+    iteration.set_left_elements(left);
+    return iteration_text(iteration, "", "", 200);
+  };
+  EXPECT_NE(shown(0.25, 0, 0).find("min Js  0.2500  not certified 0"), std::string::npos);
+  EXPECT_NE(shown(-0.5, 2, 2).find("min Js -0.5000  not certified 2"), std::string::npos);
+  EXPECT_EQ(shown(-0.5, 3, 2).find("min Js"), std::string::npos) << "a trial, from which cells would go back";
+  EXPECT_EQ(shown(-0.5, 0, 0).find("min Js"), std::string::npos) << "the cells were certified before the last sweeps";
+  EXPECT_EQ(shown(-0.5, 3, 2).size(), shown(-0.5, 2, 2).size()) << "the columns stay";
+}
+
+TEST(Progress, SaysHowLongTheRunWillTakeAsTheJobSaysIt) {
+  v1::JobEvent event;
+  event.mutable_iteration()->set_number(3);
+  event.mutable_iteration()->set_seconds_left(90);
+  EXPECT_NE(printed(event).find("  90 s left"), std::string::npos);
+  event.mutable_iteration()->set_seconds_left(600);
+  EXPECT_NE(printed(event).find("  10 min left"), std::string::npos);
+  EXPECT_EQ(progress_text(work(v1::Work::ACTIVITY_SWEEP, 1, 2).bookmark().work(), 1, "  90 s left"),
+            "sweeps    1  nodes 50 %  90 s left");
 }
 
 TEST(Progress, ShowsWorkThatTakesLongButOneLinePerSecond) {

@@ -1,4 +1,5 @@
 """The client as a program uses it, with a real server."""
+import dataclasses
 import io
 import os
 import pty
@@ -182,6 +183,19 @@ class Client(support.WithServer):
         self.assertEqual(len(quality.accuracy.modal_parts), 3)  # degrees 2 to 4
         self.assertEqual(len(list(self.client.jobs())), before)
 
+    def test_writes_elements_at_their_own_orders_if_asked_to(self):
+        two, out = self.folder / "two.msh", self.folder / "out.msh"
+        two.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n7\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 1 1 0\n5 0.5 0 0\n"
+                       "6 0.5 0.5 0\n7 0 0.5 0\n$EndNodes\n$Elements\n2\n1 9 2 1 1 1 2 3 5 6 7\n2 2 2 1 1 2 4 3\n"
+                       "$EndElements\n")  # fmt: skip
+        self.client.optimise(two, out, keep_orders=True)
+        self.assertEqual(out.read_text(), two.read_text())
+        self.client.optimise(two, out)
+        self.assertNotEqual(out.read_text(), two.read_text())
+        older = dataclasses.replace(self.client.info(), keeps_orders=False)
+        with self.assertRaisesRegex(varimesh.BadOption, "keeps no orders, because it is older"):
+            older.check(keep_orders=True)
+
     def test_info_has_version_energies_and_formats(self):
         info = self.client.info()
         self.assertEqual(info.version, varimesh.__version__)
@@ -211,14 +225,27 @@ class Bar(support.WithServer):
         os.close(ours)
         self.assertRegex(text, re.escape("\r\x1b[K[") + r"[#.]{16}\] ")
 
-    def test_estimates_the_seconds_left(self):
-        show = varimesh.Progress(1e-6, io.StringIO())
+    def event(self, **values):
+        known = dict.fromkeys(varimesh.Iteration.__dataclass_fields__, 0) | {"phase": "sweeps", "seconds_left": None} | values
+        return varimesh.Event(1, 1, None, 0, iteration=varimesh.Iteration(**known))
+
+    def test_counts_down_the_seconds_that_the_job_says_are_left(self):
+        text = io.StringIO()
+        show = varimesh.Progress(stream=text)
         self.assertIsNone(show.seconds_left())
-        for number in range(1, 5):  # one decade per second: after four decades, two are left
-            values = dict.fromkeys(varimesh.Iteration.__dataclass_fields__, 0)
-            values.update(number=number, phase="sweeps", residual=10.0**-number, seconds=float(number))
-            show(varimesh.Event(number, 1, None, 0, iteration=varimesh.Iteration(**values)))
-        self.assertAlmostEqual(show.seconds_left(), 2.0)
+        show(self.event(seconds_left=90.0))
+        self.assertIn("about 90 s left", text.getvalue())
+        self.assertTrue(89 < show.seconds_left() <= 90)
+        show(self.event())
+        self.assertIsNone(show.seconds_left())
+
+    def test_shows_no_figure_of_a_mesh_that_would_not_be_handed_out(self):
+        for values, is_shown in (({"min_scaled_jacobian": 0.5}, True), ({"min_scaled_jacobian": -0.5}, False),
+                                 ({"min_scaled_jacobian": -0.5, "invalid_elements": 2, "left_elements": 2}, True),
+                                 ({"min_scaled_jacobian": -0.5, "invalid_elements": 2, "left_elements": 1}, False)):
+            text = io.StringIO()
+            varimesh.Progress(stream=text)(self.event(**values))
+            self.assertEqual("min Js" in text.getvalue(), is_shown, text.getvalue())
 
 
 if __name__ == "__main__":

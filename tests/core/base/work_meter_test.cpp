@@ -36,6 +36,25 @@ TEST(WorkMeter, ReportsTheFirstWorkAtOnceAndTheRestWhenItIsDue) {
   EXPECT_EQ(reports.back().groups_left, 7);
 }
 
+TEST(WorkMeter, CountsTheSecondsDownUntilTheExpectedEnd) {
+  std::vector<Work> reports;
+  WorkMeter meter([&](const Work& work) { reports.push_back(work); });
+  const auto seconds_left = [&] {
+    std::this_thread::sleep_for(WorkMeter::kInterval);
+    meter.add();
+    return reports.back().seconds_left;
+  };
+  EXPECT_EQ(seconds_left(), -1) << "nobody has told";
+  meter.expect_end_in(100);
+  const double left = seconds_left();
+  EXPECT_TRUE(left > 50 && left < 100) << left;
+  EXPECT_LT(seconds_left(), left);
+  meter.expect_end_in(0);
+  EXPECT_EQ(seconds_left(), 0) << "later than expected";
+  meter.expect_end_in(-1);
+  EXPECT_EQ(seconds_left(), -1);
+}
+
 TEST(WorkMeter, ReportsAtMostTenTimesPerSecondWhateverTheThreads) {
   using Clock = std::chrono::steady_clock;
   std::atomic<int> inside = 0;

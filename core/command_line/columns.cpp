@@ -1,4 +1,4 @@
-#include "core/options/help_text.h"
+#include "core/command_line/columns.h"
 
 #include <sys/ioctl.h>
 #include <unistd.h>
