@@ -264,6 +264,7 @@ MaxMinPatch::Levels MaxMinPatch::raise(std::vector<double>& coordinates, double 
   for (int step = 0, little = 0; step < kMostSteps && little < kMostLittle && !is_reached(seen, aim); ++step) {
     team.look();
     const Rows low = rows(coordinates, seen, smallest, team);
+    if (low.level.size() == 0) break;  // a cell that has collapsed is the lowest, and has no slopes
     for (std::size_t n = 0; n < free_.size(); ++n)
       std::copy_n(coordinates.data() + 3 * at(free_[n]), 3, here.data() + 3 * n);
     // The program needs few columns of A Aᵀ, the same ones in each trial.

@@ -104,6 +104,15 @@ TEST(MaxMinPatch, FindsTheBestPlaceOfOneNode) {
   EXPECT_NEAR(centre[1], y, 2e-3);
 }
 
+/// A swap may propose a cell with all vertices in one place.
+TEST(MaxMinPatch, LeavesCellsThatHaveCollapsed) {
+  HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 1}, 2);
+  const Whole whole(mesh);
+  std::ranges::fill(mesh.coordinates, 0.0);
+  whole.raise(mesh, 0.5);
+  EXPECT_EQ(mesh.coordinates, std::vector<double>(mesh.coordinates.size(), 0.0));
+}
+
 TEST(MaxMinPatch, LetsShiftedCellsNotHoldTheOthers) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {3, 3, 1}, 2);
   testing::shake(mesh, 0.12, 11);
