@@ -51,7 +51,7 @@ class WithNginx(WithFolder):
     def nginx(self, *arguments, **keywords):
         return [NGINX, "-e", "stderr", "-p", str(self.folder), *map(str, arguments)]
 
-    def test_nginx_accepts_it(self):
+    def check_accepted(self):
         done = subprocess.run(self.nginx("-t", "-c", self.configuration()), capture_output=True, text=True, timeout=20)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(warnings(done.stderr), [])
@@ -133,6 +133,9 @@ class Nginx(WithNginx):
         variables = {key: value for key, value in os.environ.items() if not re.match("VARIMESH_(TOKEN|TLS)", key)}
         return run(*arguments, "--server", f"localhost:{self.port}", "--tls-authority", self.folder / "authority.pem", *certificate,
                    env={**variables, "VARIMESH_TOKEN": token})
+
+    def test_nginx_accepts_it(self):
+        self.check_accepted()
 
     def test_http_and_json_go_through_it(self):
         self.check_http_and_json()
@@ -277,6 +280,9 @@ class InPods(WithNginx):
         path = self.folder / "nginx.conf"
         path.write_text(("user root;\n" if os.geteuid() == 0 else "") + text)
         return path
+
+    def test_nginx_accepts_it(self):
+        self.check_accepted()
 
     def test_http_and_json_go_through_it(self):
         self.check_http_and_json()
