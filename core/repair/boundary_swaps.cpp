@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <utility>
@@ -56,9 +57,11 @@ class Swaps {
 
   std::vector<Swap> find(std::span<const std::int64_t> wanted) const {
     std::vector<Swap> result;
-    std::set<std::size_t> taken;
+    std::set<std::size_t> gaining;  // cells that get a face on the boundary
+    const auto gains = [&](std::int32_t cell) { return cell >= 0 && gaining.contains(at(cell)); };
     for (std::size_t c = 0; c < cells_.count(); ++c) {
-      if (!std::ranges::binary_search(wanted, cells_.number(c)) || taken.contains(c)) continue;
+      if (!std::ranges::binary_search(wanted, cells_.number(c)) || gaining.contains(c)) continue;
+      if (std::ranges::any_of(neighbours(c), gains)) continue;
       const std::optional<Swap> swap = of_cell(c);
       if (!swap || std::ranges::any_of(result, [&](const Swap& one) {
             return ends(one.new_edge[0], one.new_edge[1]) == ends(swap->new_edge[0], swap->new_edge[1]);
@@ -66,7 +69,7 @@ class Swaps {
         continue;
       result.push_back(*swap);
       for (const std::int32_t other : neighbours(c))
-        if (other >= 0) taken.insert(at(other));
+        if (other >= 0) gaining.insert(at(other));
     }
     return result;
   }
@@ -270,29 +273,42 @@ RepairStep step_of(const HighOrderMesh& mesh, const Association& association, co
   return step;
 }
 
-/// Takes out the cells with these numbers, in ascending order.
-void erase_cells(HighOrderMesh& mesh, const std::vector<std::int64_t>& gone) {
-  for (ElementBlock& block : mesh.blocks) {
-    if (block.shape != Shape::Tetrahedron) continue;
-    const std::size_t count = block.size(), stride = block.nodes.size() / std::max<std::size_t>(count, 1);
-    const std::size_t repeats = block.repeat_numbers.size() / std::max<std::size_t>(count, 1);
-    ElementBlock left = block;
-    left.numbers.clear();
-    left.nodes.clear();
-    left.repeat_numbers.clear();
-    const auto copy = [](const auto& from, std::size_t e, std::size_t per, auto& to) {
-      const auto first = from.begin() + static_cast<std::ptrdiff_t>(e * per);
-      to.insert(to.end(), first, first + static_cast<std::ptrdiff_t>(per));
-    };
-    for (std::size_t e = 0; e < count; ++e) {
-      if (std::ranges::binary_search(gone, block.numbers[e])) continue;
-      copy(block.numbers, e, 1, left.numbers);
-      copy(block.nodes, e, stride, left.nodes);
-      copy(block.repeat_numbers, e, repeats, left.repeat_numbers);
-    }
-    block = std::move(left);
+/// The block of tetrahedra without the cells that have these numbers, in ascending order.
+ElementBlock without_cells(const ElementBlock& block, const std::vector<std::int64_t>& gone) {
+  const std::size_t count = block.size(), stride = block.nodes.size() / std::max<std::size_t>(count, 1);
+  const std::size_t repeats = block.repeat_numbers.size() / std::max<std::size_t>(count, 1);
+  ElementBlock left = block;
+  left.numbers.clear();
+  left.nodes.clear();
+  left.repeat_numbers.clear();
+  const auto copy = [](const auto& from, std::size_t e, std::size_t per, auto& to) {
+    const auto first = from.begin() + static_cast<std::ptrdiff_t>(e * per);
+    to.insert(to.end(), first, first + static_cast<std::ptrdiff_t>(per));
+  };
+  for (std::size_t e = 0; e < count; ++e) {
+    if (std::ranges::binary_search(gone, block.numbers[e])) continue;
+    copy(block.numbers, e, 1, left.numbers);
+    copy(block.nodes, e, stride, left.nodes);
+    copy(block.repeat_numbers, e, repeats, left.repeat_numbers);
   }
-  std::erase_if(mesh.blocks, [](const ElementBlock& block) { return block.size() == 0; });
+  return left;
+}
+
+/// Takes out the cells with these numbers, in ascending order, and blocks that are empty then.
+/// @param surface_of_element  by block and element, as Association::surface_of_element; it keeps the blocks of the mesh
+void erase_cells(HighOrderMesh& mesh, const std::vector<std::int64_t>& gone,
+                 std::vector<std::vector<int>>& surface_of_element) {
+  std::vector<ElementBlock> blocks;
+  std::vector<std::vector<int>> surfaces;
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    ElementBlock& block = mesh.blocks[b];
+    if (block.shape == Shape::Tetrahedron) block = without_cells(block, gone);
+    if (block.size() == 0) continue;
+    blocks.push_back(std::move(block));
+    surfaces.push_back(std::move(surface_of_element[b]));
+  }
+  mesh.blocks = std::move(blocks);
+  surface_of_element = std::move(surfaces);
 }
 
 /// Classifies nodes that are on boundary elements now, and were inside the mesh, on the entity of these elements.
@@ -327,13 +343,13 @@ std::size_t swap_boundary_edges(HighOrderMesh& mesh, Association& association, s
   if (found.empty()) return 0;
   HighOrderMesh result = mesh;
   std::vector<std::int64_t> gone;
+  std::vector<RepairStep> done;
   std::vector<bool> keep(mesh.node_count(), true);
   std::map<std::int32_t, int> entity_of;
   for (const Swap& swap : found) {
     exchange_faces(result, swap, swaps);
     gone.push_back(swaps.cells().number(swap.cell));
-    steps.push_back(step_of(mesh, association, swap, gone.back()));
-    surfaces.insert(association.geometry.surfaces[at(swap.surface)].number_text());
+    done.push_back(step_of(mesh, association, swap, gone.back()));
     for (const std::int32_t node : swaps.cells().nodes(swap.cell)) keep[at(node)] = false;
     const ElementBlock& block = result.blocks[swap.block];
     const std::size_t stride = block.nodes.size() / block.size();
@@ -341,14 +357,8 @@ std::size_t swap_boundary_edges(HighOrderMesh& mesh, Association& association, s
       for (std::size_t k = 0; k < stride; ++k) entity_of[block.nodes[e * stride + k]] = block.entity;
   }
   std::ranges::sort(gone);
-  const std::size_t blocks = result.blocks.size();
   std::vector<std::vector<int>> surface_of_element = association.surface_of_element;
-  for (std::size_t b = blocks; b-- > 0;)  // blocks that erase_cells() empties have no boundary elements
-    if (const ElementBlock& block = result.blocks[b]; block.shape == Shape::Tetrahedron &&
-                                                      std::ranges::includes(gone, block.numbers) &&
-                                                      std::ranges::is_sorted(block.numbers))
-      surface_of_element.erase(surface_of_element.begin() + static_cast<std::ptrdiff_t>(b));
-  erase_cells(result, gone);
+  erase_cells(result, gone, surface_of_element);
   for (const ElementBlock& block : result.blocks)
     for (const std::int32_t node : block.nodes) keep[at(node)] = true;
   classify(result, entity_of);
@@ -365,6 +375,8 @@ std::size_t swap_boundary_edges(HighOrderMesh& mesh, Association& association, s
     for (const auto& edge : {swap.old_edge, swap.new_edge}) edges.push_back(ends(now[at(edge[0])], now[at(edge[1])]));
   mesh = std::move(result);
   place_edges_anew(mesh, association, std::move(surface_of_element), before, edges, team);
+  for (const Swap& swap : found) surfaces.insert(association.geometry.surfaces[at(swap.surface)].number_text());
+  steps.insert(steps.end(), std::make_move_iterator(done.begin()), std::make_move_iterator(done.end()));
   return found.size();
 }
 

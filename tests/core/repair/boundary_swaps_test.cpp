@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "core/mesh/check.h"
 #include "core/mesh/conformity.h"
@@ -118,9 +119,19 @@ std::vector<std::int32_t> triangle(HighOrderMesh& mesh, std::map<NodeKey, std::i
   return nodes;
 }
 
-/// The mesh with one more cell, on two faces of the side that meet inside it and belong to cells that have no other
-/// face there. So the new cell has two faces on the side.
-HighOrderMesh with_cell_on_side(const HighOrderMesh& mesh) {
+/// By cell, as the index of its first node in the block of cells: how many faces it has on the side.
+std::map<std::size_t, int> faces_on_side(const ElementBlock& side, const ElementBlock& cells) {
+  const auto by_face = cells_by_face(cells);
+  std::map<std::size_t, int> result;
+  for (std::size_t at = 0; at < side.nodes.size(); at += side.nodes.size() / side.size())
+    ++result[by_face.at(sorted({side.nodes[at], side.nodes[at + 1], side.nodes[at + 2]})).front()];
+  return result;
+}
+
+/// The mesh with one more cell, on two faces of the side that meet inside it. So the new cell has two faces on the
+/// side. The faces belong to cells that have no other face there, or one of them to the cell `behind`.
+HighOrderMesh with_cell_on_side(const HighOrderMesh& mesh, std::int64_t cell_number = kAdded,
+                                std::optional<std::size_t> behind = std::nullopt) {
   HighOrderMesh result = mesh;
   const auto block_of = [&](Shape shape) {
     return std::ranges::find_if(result.blocks,
@@ -130,11 +141,10 @@ HighOrderMesh with_cell_on_side(const HighOrderMesh& mesh) {
   ElementBlock& cells = *block_of(Shape::Tetrahedron);
   const std::size_t stride = side.nodes.size() / side.size(), of_cell = cells.nodes.size() / cells.size();
   const auto by_face = cells_by_face(cells);
-  std::map<std::size_t, int> faces_of;  // on the side, by cell
+  const std::map<std::size_t, int> faces_of = faces_on_side(side, cells);
   std::map<std::array<std::int32_t, 2>, std::vector<std::size_t>> by_edge;
   for (std::size_t at = 0; at < side.nodes.size(); at += stride) {
     const Face face = sorted({side.nodes[at], side.nodes[at + 1], side.nodes[at + 2]});
-    ++faces_of[by_face.at(face).front()];
     for (const auto& [a, b] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)})
       by_edge[{face[std::size_t(a)], face[std::size_t(b)]}].push_back(at);
   }
@@ -142,17 +152,19 @@ HighOrderMesh with_cell_on_side(const HighOrderMesh& mesh) {
     if (two.size() != 2) continue;
     std::array<std::int32_t, 2> others{};
     std::map<NodeKey, std::int32_t> known;
-    bool is_free = true;
+    bool is_free = true, is_there = false;
     for (std::size_t k = 0; k < 2; ++k) {
       const Face face{side.nodes[two[k]], side.nodes[two[k] + 1], side.nodes[two[k] + 2]};
       others[k] = *std::ranges::find_if(face, [&](std::int32_t n) { return n != edge[0] && n != edge[1]; });
       is_free = is_free && faces_of.at(by_face.at(sorted(face)).front()) == 1;
+      is_there = is_there || by_face.at(sorted(face)).front() == behind;
       const auto weights = node_weights(Shape::Triangle, mesh.order);
       for (std::size_t n = 0; n < stride; ++n)
         known[node_key({face[0], face[1], face[2], -1}, weights[n])] = side.nodes[two[k] + n];
     }
     const double on_circle = (x(mesh, others[0]) - x(mesh, others[1])).norm();
-    if (!is_free || by_edge.contains({std::min(others[0], others[1]), std::max(others[0], others[1])}) || on_circle > 1)
+    if (!(behind ? is_there : is_free) ||
+        by_edge.contains({std::min(others[0], others[1]), std::max(others[0], others[1])}) || on_circle > 1)
       continue;
     for (std::size_t k = 0; k < 2; ++k) {  // each triangle gets the other new vertex for one end of the old edge
       std::array<std::int32_t, 3> face{side.nodes[two[k]], side.nodes[two[k] + 1], side.nodes[two[k] + 2]};
@@ -161,8 +173,8 @@ HighOrderMesh with_cell_on_side(const HighOrderMesh& mesh) {
     }
     // The cell behind the first triangle, mirrored.
     VertexNodes corners{};
-    const std::size_t behind = by_face.at(sorted({edge[0], edge[1], others[0]})).front();
-    std::copy_n(cells.nodes.begin() + std::ptrdiff_t(behind), 4, corners.begin());
+    const std::size_t mirrored = by_face.at(sorted({edge[0], edge[1], others[0]})).front();
+    std::copy_n(cells.nodes.begin() + std::ptrdiff_t(mirrored), 4, corners.begin());
     for (std::int32_t& corner : corners)
       if (corner != edge[0] && corner != edge[1] && corner != others[0]) corner = others[1];
     std::swap(corners[0], corners[1]);
@@ -177,7 +189,7 @@ HighOrderMesh with_cell_on_side(const HighOrderMesh& mesh) {
       ++result.node_blocks.back().count;
     }
     EXPECT_EQ(cells.nodes.size() % of_cell, 0u);
-    cells.numbers.push_back(kAdded);
+    cells.numbers.push_back(cell_number);
     return result;
   }
   ADD_FAILURE() << "There are no such faces.";
@@ -222,6 +234,40 @@ TEST_P(BoundarySwaps, LeaveACellBesideOneThatHasAFaceThere) {
   // In the corners of the square that was mapped to the disc, cells have two faces on the side, and so would those
   // behind.
   EXPECT_EQ(swapped(plain_, all_cells(plain_)).swapped, 0u);
+}
+
+TEST_P(BoundarySwaps, TakeOutOneOfTwoCellsBesideACellThatWouldGetTwoFacesThere) {
+  const auto block = [](const HighOrderMesh& mesh, Shape shape) {
+    return *std::ranges::find_if(mesh.blocks, [&](const ElementBlock& b) { return b.shape == shape && b.entity == 1; });
+  };
+  const auto faces = faces_on_side(block(plain_, Shape::Triangle), block(plain_, Shape::Tetrahedron));
+  const auto corner = std::ranges::find_if(faces, [](const auto& entry) { return entry.second == 2; });
+  ASSERT_NE(corner, faces.end());
+  const HighOrderMesh first = with_cell_on_side(plain_, kAdded, corner->first);
+  const HighOrderMesh both = with_cell_on_side(first, kAdded + 1, corner->first);
+  EXPECT_EQ(swapped(first, {kAdded}).swapped, 0u);  // the cell behind has a face there already
+  const SwappedMesh made = swapped(both, {kAdded, kAdded + 1});
+  EXPECT_EQ(made.swapped, 1u);
+  EXPECT_EQ(swapped(made.mesh, {kAdded, kAdded + 1}).swapped, 0u);
+}
+
+TEST_P(BoundarySwaps, LeaveNoBlockWithoutCells) {
+  HighOrderMesh divided = mesh_;
+  const auto cells = std::ranges::find_if(divided.blocks, [](const ElementBlock& b) {
+    return b.shape == Shape::Tetrahedron && !b.numbers.empty() && b.numbers.back() == kAdded;
+  });
+  ASSERT_NE(cells, divided.blocks.end());
+  ElementBlock own = *cells;
+  const std::size_t of_cell = cells->nodes.size() / cells->size();
+  own.numbers = {kAdded};
+  own.nodes.assign(cells->nodes.end() - std::ptrdiff_t(of_cell), cells->nodes.end());
+  cells->numbers.pop_back();
+  cells->nodes.resize(cells->nodes.size() - of_cell);
+  divided.blocks.insert(divided.blocks.begin(), own);
+  const SwappedMesh made = swapped(divided, {kAdded});
+  EXPECT_EQ(made.swapped, 1u);
+  EXPECT_EQ(made.mesh.blocks.size(), plain_.blocks.size());
+  EXPECT_EQ(made.association.surface_of_element, swapped(made.mesh, {}).association.surface_of_element);
 }
 
 TEST_P(BoundarySwaps, KeepAMeshThatConforms) {
