@@ -42,12 +42,12 @@ Outcome<void> copy(const InputFile& from, const std::string& path, const Setting
         "other files.");
   auto file = OutputFile::open(path);
   if (!file) return file_failure(file.error().sentence);
+  std::string piece;
   for (std::int64_t offset = 0;;) {
     if (settings.wants_to_stop()) return interruption("Interrupted while the result was being written.");
-    const auto piece = from.read(offset, kMostChunkBytes);
-    if (!piece) return tl::unexpected(piece.error());
-    if (piece->empty() || !file->write(*piece)) break;
-    offset += static_cast<std::int64_t>(piece->size());
+    if (auto done = from.read(offset, kMostChunkBytes, piece); !done) return done;
+    if (piece.empty() || !file->write(piece)) break;
+    offset += static_cast<std::int64_t>(piece.size());
   }
   if (const auto done = file->commit(); !done) return file_failure(done.error().sentence);
   return {};

@@ -114,7 +114,13 @@ Outcome<std::string> InputFile::read_all() const {
 }
 
 Outcome<std::string> InputFile::read(std::int64_t offset, std::size_t most) const {
-  std::string bytes(most, '\0');
+  std::string bytes;
+  if (auto done = read(offset, most, bytes); !done) return tl::unexpected(std::move(done.error()));
+  return bytes;
+}
+
+Outcome<void> InputFile::read(std::int64_t offset, std::size_t most, std::string& bytes) const {
+  bytes.resize(most);
   std::size_t filled = 0;
   while (filled < most) {
     const ssize_t count = ::pread(descriptor_, bytes.data() + filled, most - filled,
@@ -127,7 +133,7 @@ Outcome<std::string> InputFile::read(std::int64_t offset, std::size_t most) cons
     filled += static_cast<std::size_t>(count);
   }
   bytes.resize(filled);
-  return bytes;
+  return {};
 }
 
 bool InputFile::append(std::string_view bytes) { return write_all(descriptor_, bytes); }

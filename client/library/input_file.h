@@ -32,6 +32,8 @@ class InputFile {
 
   /// Reads `most` bytes from `offset` on. Only at the end of the file it returns fewer, or none. Failures: File.
   tl::expected<std::string, Failure> read(std::int64_t offset, std::size_t most) const;
+  /// The same into `bytes`, whose memory is used again. Failures: File.
+  tl::expected<void, Failure> read(std::int64_t offset, std::size_t most, std::string& bytes) const;
   /// Reads all bytes. Failures: File.
   tl::expected<std::string, Failure> read_all() const;
   /// Whether somebody has written to a file since it was opened. Never true of a temporary file.

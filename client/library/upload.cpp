@@ -26,13 +26,13 @@ Outcome<v1::UploadHeader> header_of(const InputFile& file, const Settings& setti
   constexpr std::size_t kReadBytes = 256 * 1024;
   Sha256 digest;
   std::int64_t size = 0;
+  std::string piece;
   while (true) {
     if (settings.wants_to_stop()) return interruption("Interrupted while the file was being read.");
-    const auto piece = file.read(size, kReadBytes);
-    if (!piece) return tl::unexpected(piece.error());
-    if (piece->empty()) break;
-    digest.update(*piece);
-    size += static_cast<std::int64_t>(piece->size());
+    if (auto done = file.read(size, kReadBytes, piece); !done) return tl::unexpected(std::move(done.error()));
+    if (piece.empty()) break;
+    digest.update(piece);
+    size += static_cast<std::int64_t>(piece.size());
   }
   v1::UploadHeader header;
   header.set_upload_id(random_id());
