@@ -350,7 +350,7 @@ bool Run::descends_again(bool& last) {
   // From here on, an interrupted run has no guard until there is one for the new targets (finish_stages).
   result_.proof_seconds += guard_->seconds();
   guard_.reset();
-  std::vector<double> before = std::exchange(set_up_.mesh.coordinates, most_accurate_.coordinates);
+  std::vector<double> before = std::exchange(set_up_.mesh.coordinates, std::move(most_accurate_.coordinates));
   if (++descents_ == 1) before_descents_ = std::move(before);
   team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
   choose_targets(set_up_, *certifier_, frame_, team_);

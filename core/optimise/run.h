@@ -153,7 +153,7 @@ class Run {
   std::optional<Descent> descent_;
   int descents_ = 0;                     ///< Those before the present one.
   std::vector<double> before_descents_;  ///< With descents_ > 0, the coordinates of set_up_.mesh before the first.
-  Descent::State most_accurate_;         ///< Of the descent; without coordinates if there was none.
+  Descent::State most_accurate_;  ///< Of the descents so far; while another runs, set_up_.mesh has its coordinates.
 };
 
 /// Whether a limit or the caller has ended the run.

@@ -49,6 +49,14 @@ std::int64_t CellEnergy::gradient_work() const {
   return work;
 }
 
+std::span<double> CellEnergy::room() {
+  const auto largest =
+      std::ranges::max_element(batches_, {}, [](const BatchSet& set) { return set.contributions.size(); });
+  if (largest == batches_.end()) return {};
+  // Two floats take the memory of a double, and the arrays begin on a cache line.
+  return {reinterpret_cast<double*>(largest->contributions.data()), largest->contributions.size() / 2};
+}
+
 // ===== The energy =====
 
 void CellEnergy::scan() {
@@ -128,6 +136,7 @@ void CellEnergy::fit_scale() {
 
 template <class Work>
 void CellEnergy::for_batches(const Work& work) {
+  change_kind_of_numbers();
   const Stopwatch watch;
   for (std::size_t s = 0; s < batches_.size(); ++s) {
     CellSet& set = problem_.sets[s];
@@ -200,6 +209,7 @@ void CellEnergy::keep_convex_part(const Material& material) {
 }
 
 void CellEnergy::node_blocks() {
+  change_kind_of_numbers();
   const Stopwatch watch;
   for (BatchSet& set : batches_)
     team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) {
@@ -228,6 +238,7 @@ std::array<double, 6> CellEnergy::added_up_block(std::int32_t rank) const {
 }
 
 double CellEnergy::multiply(std::span<const float> direction, std::span<float> product) {
+  change_kind_of_numbers();
   const Stopwatch watch;
   for (std::size_t s = 0; s < batches_.size(); ++s)
     team_.for_each(batches_[s].count, kBatchesPerTask, [&](std::int32_t b) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -18,6 +19,10 @@
 #include "core/problem/problem.h"
 
 namespace varimesh {
+
+/// Call it between two uses of the same memory for numbers of different kinds. The compiler takes it that such numbers
+/// do not share memory; it moves no access over this call.
+inline void change_kind_of_numbers() { std::atomic_signal_fence(std::memory_order_seq_cst); }
 
 /// The sum over the cells of the energy ∫ W(F) |det A| dξ, or of the p-norm's terms of it, or with a weight for each
 /// cell. δ of each cell is CellSet::delta_squared.
@@ -88,6 +93,10 @@ class CellEnergy {
   double multiply(std::span<const float> direction, std::span<float> product);
 
   std::vector<BatchSet>& batches() { return batches_; }
+  /// The memory of the contributions of the largest set, as double precision numbers without a value: room for d
+  /// numbers per node of each of its cells. gradient(), linearise(), for_blocks() and multiply() overwrite it. Between
+  /// two of these calls others may use it, and begin with change_kind_of_numbers().
+  std::span<double> room();
 
  private:
   static constexpr std::int32_t kNodesPerTask = 256;

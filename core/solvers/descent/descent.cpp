@@ -65,8 +65,8 @@ Descent::Descent(const DescentContext& context)
       team_(context.team),
       from_(free_positions(problem_, problem_.positions)),
       space_(own_space(problem_, team_)),
-      form_(problem_, space_, local_wave(context.mesh), team_),
       barrier_(problem_, context.kernels, context.hessian, PNorm{}, team_),
+      form_(problem_, space_, local_wave(context.mesh), team_, barrier_.room()),
       levels_(problem_, space_, team_),
       objective_(problem_, barrier_, form_, levels_, context.material, team_),
       factors_(context.factors.empty() ? std::vector<double>(problem_.cells, 1.0) : context.factors),
@@ -176,8 +176,6 @@ void Descent::minimise(DescentRound& round) {
   rules.most_products = kMostProducts;
   rules.few_products = kFewProducts;
   rules.convex_below = kConvexBelow;
-  round_start_.resize(from_.size());
-  objective_.take_places(round_start_);
   NewtonMethod method(objective_, rules);
 
   double fall = 0;
@@ -190,7 +188,7 @@ void Descent::minimise(DescentRound& round) {
     const bool is_short = outcome.damping == 1 && outcome.residual <= kLongStep;
     if (outcome.damping == 0 || is_short || outcome.before - outcome.after <= kLittle * fall) break;
   }
-  round.residual = objective_.largest_from(round_start_);
+  round.residual = objective_.largest_from(accepted_);
 }
 
 void Descent::keep_certificates() {
@@ -257,7 +255,12 @@ bool Descent::begin_to_raise_lost() {
   const Team team = team_.without_stop();
   std::ranges::copy(solver_positions(context_.mesh, best_.coordinates, frame_of(context_.mesh, team), team),
                     problem_.positions.begin());
-  team_.run([&] { context_.guard.certify_moved(); });
+  accepted_loss_ = best_.merit.loss;
+  accepted_js_ = best_.merit.smallest;
+  team_.run([&] {
+    shared_copy<double>(problem_.positions, accepted_, team_);
+    context_.guard.certify_moved();
+  });
   return true;
 }
 

@@ -170,15 +170,14 @@ class Descent {
   const Team& team_;
   std::vector<double> from_;  ///< Where the free nodes were at the beginning.
   OrderSpace space_;
-  ModalForm form_;
   CellEnergy barrier_;  ///< 1/N Σ_e ε_e/V_e ∫ W(F) dx
+  ModalForm form_;      ///< In the room of barrier_.
   OrderLevels levels_;
   LossObjective objective_;
-  UntouchedVector<double> round_start_;  ///< Where the free nodes were at the beginning of the round.
-  std::vector<double> factors_;          ///< By cell: what ε_e has been raised by.
-  std::vector<double> weights_;          ///< By cell: ε_e/V_e.
-  std::vector<char> lost_;               ///< By cell of the problem: it lost its certificate in the last round.
-  std::vector<char> uncertified_;        ///< By cell of the problem: it had no certificate after the last round.
+  std::vector<double> factors_;    ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;    ///< By cell: ε_e/V_e.
+  std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
   int raises_ = 0;            ///< Also counts the rounds that were taken back.
@@ -190,7 +189,7 @@ class Descent {
   double settled_js_ = -std::numeric_limits<double>::infinity();
   double last_move_ = 0;          ///< Of the round before, 0 if that has changed a factor.
   bool best_settling_ = false;    ///< The best mesh is from these rounds.
-  std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
+  std::vector<double> accepted_;  ///< Of all nodes of the problem: where the round begins.
   double accepted_loss_ = 0, accepted_js_ = -1;
   Asked asked_;
   /// The highest minimum after each of the last rounds, the earliest first.

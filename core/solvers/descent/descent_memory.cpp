@@ -26,12 +26,14 @@ std::int64_t places(const MeshCounts& counts, int order) {
 std::int64_t bytes_of_space(const MeshCounts& counts, int order) {
   const std::int64_t lists =
       order < counts.order ? kLong * counts.free_in_cells.nodes(order) + kLong * counts.free.nodes(order) : 0;
-  return 2 * kInt * places(counts, order) + lists;
+  return (kInt + 1) * places(counts, order) + lists;
 }
 
-std::int64_t bytes_of_form(const MeshCounts& counts) {
+/// With one set of cells, the form uses the room of the energy.
+std::int64_t bytes_of_form(const MeshCounts& counts, std::size_t sets) {
   constexpr std::int64_t kMetric = sizeof(std::array<double, 6>);
-  return kDouble * counts.dimension * places(counts, counts.order) + (kDouble + kMetric) * counts.cell_count();
+  const std::int64_t room = sets == 1 ? 0 : kDouble * counts.dimension * places(counts, counts.order);
+  return room + (kDouble + kMetric) * counts.cell_count();
 }
 
 /// Matrices between the spaces of neighbouring orders, and their transposes. Products over the axes are small beside
@@ -48,7 +50,8 @@ std::int64_t bytes_of_order_tables(const MeshCounts& counts) {
 
 std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSizes>& sets, const NewtonSizes& sizes) {
   const std::int64_t d = counts.dimension, order = counts.order;
-  std::int64_t kept = bytes_of_form(counts) + bytes_of_order_tables(counts) + bytes_of_accuracy_tables(counts);
+  std::int64_t kept =
+      bytes_of_form(counts, sets.size()) + bytes_of_order_tables(counts) + bytes_of_accuracy_tables(counts);
   kept += static_cast<std::int64_t>(sizeof(CellScan)) * counts.cell_count();
   for (const SetSizes& set : sets) kept += bytes_of_batches(set, sizes);
   for (int q = 1; q <= order; ++q) kept += bytes_of_space(counts, q) + kDouble * counts.free.nodes(q);
@@ -57,7 +60,7 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   const std::int64_t listing = 2 * kInt * counts.nodes() + kLong * counts.free_nodes();
   // Vectors of the objective and of the round, and what vertices are held with; ε_e and what it follows from; the best
   // mesh, the latest one, and the one that the last round began with.
-  constexpr std::int64_t kVectors = 10;
+  constexpr std::int64_t kVectors = 8;
   std::int64_t running = (kVectors * d + 1) * kDouble * counts.free_nodes() + 7 * kDouble * counts.cell_count();
   running += kDouble * d * counts.nodes();
   running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());

@@ -23,8 +23,7 @@ LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& fo
       team_(team),
       reduction_(team) {
   const std::size_t numbers = problem.free.size() * problem.dimension;
-  for (auto* vector : {&gradient_, &form_gradient_, &start_, &step_, &residual_, &direction_, &product_})
-    resize_large(*vector, numbers);
+  for (auto* vector : {&gradient_, &start_, &step_, &residual_, &direction_, &product_}) resize_large(*vector, numbers);
   for (auto* vector : {&rough_direction_, &rough_product_})
     resize_large(*vector, numbers + static_cast<std::size_t>(padded(problem.dimension)));
   std::fill(rough_direction_.begin() + static_cast<std::ptrdiff_t>(gradient_.size()), rough_direction_.end(), 0.0F);
@@ -60,7 +59,7 @@ double LossObjective::held() const {
 }
 
 double LossObjective::form() {
-  if (!has_form_) form_value_ = form_.gradient(form_gradient_);
+  if (!has_form_) form_value_ = form_.gradient(product_);
   has_form_ = true;
   return form_value_;
 }
@@ -81,7 +80,7 @@ void LossObjective::add_form() {
   team_.for_ranges(gradient_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const double moved = problem_.positions[problem_.free[i / d] * d + i % d] - places_[i];
-      gradient_[i] += form_gradient_[i] + 2 * hold_[i / d] * moved;
+      gradient_[i] += product_[i] + 2 * hold_[i / d] * moved;
       residual_[i] = -gradient_[i];
     }
   });
@@ -105,7 +104,13 @@ bool LossObjective::make_convex() {
 
 // ===== Conjugate gradients =====
 
+double LossObjective::precondition() {
+  has_form_ = false;
+  return levels_.apply(residual_, product_);
+}
+
 double LossObjective::multiply() {
+  has_form_ = false;
   team_.for_ranges(direction_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) rough_direction_[i] = static_cast<float>(direction_[i]);
   });
@@ -158,10 +163,12 @@ double LossObjective::largest(std::span<const double> displacements) const {
   return largest_of([&](std::size_t f, std::size_t k) { return displacements[f * d + k]; });
 }
 
-double LossObjective::largest_from(std::span<const double> places) const {
+double LossObjective::largest_from(std::span<const double> positions) const {
   const std::size_t d = problem_.dimension;
-  return largest_of(
-      [&](std::size_t f, std::size_t k) { return problem_.positions[problem_.free[f] * d + k] - places[f * d + k]; });
+  return largest_of([&](std::size_t f, std::size_t k) {
+    const std::size_t number = problem_.free[f] * d + k;
+    return problem_.positions[number] - positions[number];
+  });
 }
 
 double LossObjective::largest_defect() {
@@ -172,21 +179,17 @@ double LossObjective::largest_defect() {
   team_.for_ranges(residual_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) residual_[i] -= direction_[i];
   });
-  levels_.apply(residual_, product_);
+  precondition();
   return largest(product_);
 }
 
 // ===== The step =====
 
-void LossObjective::take_places(std::span<double> places) const {
+double LossObjective::finish_step() {
   const std::size_t d = problem_.dimension;
   team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) std::copy_n(&problem_.positions[problem_.free[f] * d], d, &places[f * d]);
+    for (std::size_t f = begin; f < end; ++f) std::copy_n(&problem_.positions[problem_.free[f] * d], d, &start_[f * d]);
   });
-}
-
-double LossObjective::finish_step() {
-  take_places(start_);
   return reduction_.sum(step_.size(), kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * step_[i]; });
 }
 

@@ -38,7 +38,7 @@ class LossObjective final : public Minimised {
 
   double linearise(bool renews) override;
   bool make_convex() override;
-  double precondition() override { return levels_.apply(residual_, product_); }
+  double precondition() override;
   double multiply() override;
   void advance(double alpha) override;
   void turn(double beta) override;
@@ -55,10 +55,8 @@ class LossObjective final : public Minimised {
 
   /// The largest displacement of a node, of d numbers per free node, in units of the size of the cells around it.
   double largest(std::span<const double> displacements) const;
-  /// The same of the displacements from these places of the free nodes, d numbers each, to problem.positions.
-  double largest_from(std::span<const double> places) const;
-  /// Where the free nodes are, d numbers each.
-  void take_places(std::span<double> places) const;
+  /// The same of the displacements from these positions of all nodes to problem.positions.
+  double largest_from(std::span<const double> positions) const;
 
  private:
   /// The largest length of displacement(f, k), by free node and direction, in these units.
@@ -77,12 +75,13 @@ class LossObjective final : public Minimised {
   Material material_;
   const Team& team_;
   mutable Reduction reduction_;
-  bool has_form_ = false;  ///< form_value_ and form_gradient_ are those of problem.positions.
+  /// form_value_ is that of problem.positions, and product_ has the form's gradient there.
+  bool has_form_ = false;
   bool is_convex_ = false;
   double form_value_ = 0, noise_ = 0;
   UntouchedVector<double> hold_;  ///< By free node: of |x − X|², 0 if it is no vertex.
   std::span<const double> places_;
-  UntouchedVector<double> gradient_, form_gradient_, start_, step_, residual_, direction_, product_;
+  UntouchedVector<double> gradient_, start_, step_, residual_, direction_, product_;
   UntouchedVector<float> rough_direction_, rough_product_;  ///< Of products with the energy's Hessian, padded.
 };
 

@@ -8,6 +8,7 @@
 #include "core/base/io/large_arrays.h"
 #include "core/quality/accuracy/parts_table.h"
 #include "core/solvers/descent/order_tables.h"
+#include "core/terms/cell_energy.h"
 
 namespace varimesh {
 namespace {
@@ -23,7 +24,8 @@ void for_pairs(int d, const Visit& visit) {
 
 }  // namespace
 
-ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team)
+ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team,
+                     std::span<double> room)
     : problem_(problem),
       space_(space),
       team_(team),
@@ -31,7 +33,9 @@ ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wav
       weights_(static_cast<std::size_t>(space.order) + 1),
       metrics_(problem.cells),
       values_(problem.cells) {
-  resize_large(contributions_, static_cast<std::size_t>(space.place_count) * problem.dimension);
+  const std::size_t numbers = static_cast<std::size_t>(space.place_count) * problem.dimension;
+  if (room.size() < numbers) resize_large(own_room_, numbers);
+  contributions_ = room.size() < numbers ? std::span(own_room_) : room.first(numbers);
   for (int s = 0; s <= space.order; ++s)
     weights_[static_cast<std::size_t>(s)] = std::pow(wave, 2 * (space.order + 1 - s));
   for (const CellSet& set : problem.sets) products_.push_back(&detail::part_products(set.shape, set.order));
@@ -87,6 +91,7 @@ template <class Value>
 void ModalForm::differentiate(const Value& value) {
   constexpr std::size_t kLanes = detail::kCellLanes;
   static_assert(at(kCellsTogether) == kLanes);
+  change_kind_of_numbers();
   const std::size_t d = at(problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t first, std::int32_t count) {
     const CellSet& set = problem_.sets[number];
@@ -137,11 +142,12 @@ void ModalForm::multiply(std::span<const double> direction, std::span<double> pr
 std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace* const> spaces,
                                                       std::span<const double> stiffness) {
   const int d = problem_.dimension;
+  change_kind_of_numbers();
   std::vector<std::vector<double>> result;
   for (std::size_t level = 0; level < spaces.size(); ++level) {
     const OrderSpace& space = *spaces[level];
     std::vector<double>& diagonal = result.emplace_back(space.count);
-    const std::span<double> of_places = std::span(contributions_).first(static_cast<std::size_t>(space.place_count));
+    const std::span<double> of_places = contributions_.first(static_cast<std::size_t>(space.place_count));
     for_cells_together(problem_, team_, [&](std::size_t number, std::int32_t first, std::int32_t count) {
       const CellSet& set = problem_.sets[number];
       const detail::OrderTables& tables = detail::order_tables(set.shape, set.order);

@@ -24,9 +24,11 @@ namespace varimesh {
 /// for straight-sided cells, so it does not depend on where vertices are.
 class ModalForm {
  public:
-  /// Takes the frames. `wave` is κ: local_wave() of the mesh. Call it inside team.run(). All references must outlive
-  /// the form.
-  ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team);
+  /// Takes the frames. `wave` is κ: local_wave() of the mesh. `room`: memory that the form may use, such as
+  /// CellEnergy::room(); with less than d numbers per place it takes its own. Call it inside team.run(). All references
+  /// and the room must outlive the form.
+  ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team,
+            std::span<double> room = {});
 
   /// Takes J anew from problem.positions. Cells with det J = 0 do not count. Call it inside team.run().
   void take_frames();
@@ -68,7 +70,8 @@ class ModalForm {
   std::vector<double> weights_;                        ///< By degree s ≤ P: κ^(2(P+1−s)).
   std::vector<std::array<double, 6>> metrics_;  ///< J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.
   std::vector<double> values_;                  ///< By cell.
-  UntouchedVector<double> contributions_;       ///< d per place.
+  UntouchedVector<double> own_room_;            ///< Empty if there is another.
+  std::span<double> contributions_;             ///< d per place.
 };
 
 }  // namespace varimesh

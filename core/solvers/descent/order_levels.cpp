@@ -2,6 +2,7 @@
 
 #include "core/base/index.h"
 #include "core/solvers/descent/order_tables.h"
+#include "core/terms/cell_energy.h"
 
 namespace varimesh {
 namespace {
@@ -52,11 +53,12 @@ double OrderLevels::apply(std::span<const double> r, std::span<double> z) {
 }
 
 void OrderLevels::restrict_to(std::size_t level, std::span<const double> above) {
+  change_kind_of_numbers();
   const OrderSpace &low = *spaces_[level], &high = *spaces_[level + 1];
   const std::size_t d = at(problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t set, std::int32_t first, std::int32_t count) {
     const OrderSpace::Set &to = low.sets[set], &from = high.sets[set];
-    const double* products = multiply(tables_[set]->raise[level].back, from.owned, first, count, above);
+    const double* products = multiply(tables_[set]->raise[level].back, from, Occurrence::First, first, count, above);
     const std::size_t nodes = at(to.nodes_per_cell), place = at(to.first) + at(first) * nodes;
     for (std::size_t lane = 0; lane < at(count); ++lane)
       for (std::size_t i = 0; i < nodes * d; ++i)
@@ -71,13 +73,14 @@ void OrderLevels::raise_from(std::size_t level, std::span<double> above) {
   const std::size_t d = at(problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t set, std::int32_t first, std::int32_t count) {
     const OrderSpace::Set &to = high.sets[set], &from = low.sets[set];
-    const double* products = multiply(tables_[set]->raise[level].there, from.numbers, first, count, solutions_[level]);
+    const double* products =
+        multiply(tables_[set]->raise[level].there, from, Occurrence::Every, first, count, solutions_[level]);
     const std::size_t nodes = at(to.nodes_per_cell);
     for (std::size_t lane = 0; lane < at(count); ++lane)
       for (std::size_t n = 0; n < nodes; ++n) {
-        const std::int32_t number = to.owned[(at(first) + lane) * nodes + n];
-        for (std::size_t k = 0; number >= 0 && k < d; ++k)
-          above[at(number) * d + k] = products[(n * d + k) * detail::kCellLanes + lane];
+        const std::size_t place = (at(first) + lane) * nodes + n;
+        for (std::size_t k = 0; to.is_first[place] != 0 && k < d; ++k)
+          above[at(to.numbers[place]) * d + k] = products[(n * d + k) * detail::kCellLanes + lane];
       }
   });
 }
@@ -85,14 +88,14 @@ void OrderLevels::raise_from(std::size_t level, std::span<double> above) {
 static_assert(at(kCellsTogether) == detail::kCellLanes);
 
 /// A matrix times the values of a vector in cells `first` … `first` + `count` − 1 of a set: [row][direction][lane].
-/// `numbers` is that of gather(). The thread's next call overwrites the result.
-const double* OrderLevels::multiply(const detail::LaneMatrix& matrix, const std::vector<std::int32_t>& numbers,
+/// `taken`: of gather(). The thread's next call overwrites the result.
+const double* OrderLevels::multiply(const detail::LaneMatrix& matrix, const OrderSpace::Set& set, Occurrence taken,
                                     std::int32_t first, std::int32_t count, std::span<const double> vector) const {
   thread_local std::vector<double> values, products, room;
   const std::size_t d = at(problem_.dimension);
   values.resize(matrix.columns * d * detail::kCellLanes);
   products.resize(matrix.rows * d * detail::kCellLanes);
-  gather(numbers, static_cast<int>(matrix.columns), first, count, problem_.dimension, vector, values);
+  gather(set, taken, first, count, problem_.dimension, vector, values);
   detail::multiply_lanes(matrix, d, values.data(), products.data(), room);
   return products.data();
 }

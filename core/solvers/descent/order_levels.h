@@ -33,8 +33,8 @@ class OrderLevels {
  private:
   void restrict_to(std::size_t level, std::span<const double> above);
   void raise_from(std::size_t level, std::span<double> above);
-  const double* multiply(const detail::LaneMatrix& matrix, const std::vector<std::int32_t>& numbers, std::int32_t first,
-                         std::int32_t count, std::span<const double> vector) const;
+  const double* multiply(const detail::LaneMatrix& matrix, const OrderSpace::Set& set, Occurrence taken,
+                         std::int32_t first, std::int32_t count, std::span<const double> vector) const;
 
   const Problem& problem_;
   const Team& team_;

@@ -29,7 +29,7 @@ void count_places(OrderSpace& space) {
   for (OrderSpace::Set& set : space.sets) {
     set.first = space.place_count;
     space.place_count += static_cast<std::int64_t>(set.numbers.size());
-    resize_large(set.owned, set.numbers.size());
+    resize_large(set.is_first, set.numbers.size());
   }
 }
 
@@ -38,7 +38,7 @@ void list_places(OrderSpace& space, const Team& team) {
   space.begin.assign(at(space.count) + 1, 0);
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
     if (set.numbers[place] >= 0) count_up(space.begin[at(set.numbers[place])], team);
-    set.owned[place] = -1;
+    set.is_first[place] = 0;
   });
   space.places.resize(at(sums_before(space.begin)));
   std::vector<std::int64_t> next(space.begin.begin(), space.begin.end() - 1);
@@ -53,7 +53,7 @@ void list_places(OrderSpace& space, const Team& team) {
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
     const std::int32_t number = set.numbers[place];
     if (number >= 0 && space.places[at(space.begin[at(number)])] == set.first + static_cast<std::int64_t>(place))
-      set.owned[place] = number;
+      set.is_first[place] = 1;
   });
 }
 
@@ -121,12 +121,12 @@ OrderSpace own_space(const Problem& problem, const Team& team) {
     });
   }
   count_places(space);
-  for_places(space, team, [](OrderSpace::Set& set, std::size_t place) { set.owned[place] = -1; });
+  for_places(space, team, [](OrderSpace::Set& set, std::size_t place) { set.is_first[place] = 0; });
   team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t r = begin; r < end; ++r) {
       const Incidence& first = problem.incidences[at(problem.offsets[r])];
       OrderSpace::Set& set = space.sets[at(first.set)];
-      set.owned[at(first.cell) * at(set.nodes_per_cell) + at(first.local)] = static_cast<std::int32_t>(r);
+      set.is_first[at(first.cell) * at(set.nodes_per_cell) + at(first.local)] = 1;
     }
   });
   return space;
@@ -160,14 +160,16 @@ OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
   return space;
 }
 
-void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::int32_t first, std::int32_t count, int d,
+void gather(const OrderSpace::Set& set, Occurrence taken, std::int32_t first, std::int32_t count, int d,
             std::span<const double> vector, std::span<double> out) {
-  for (std::size_t lane = 0; lane < at(count); ++lane) {
-    const std::int32_t* of_cell = numbers.data() + (at(first) + lane) * at(nodes_per_cell);
-    for (std::size_t i = 0; i < at(nodes_per_cell); ++i)
+  const std::size_t nodes = at(set.nodes_per_cell);
+  for (std::size_t lane = 0; lane < at(count); ++lane)
+    for (std::size_t i = 0; i < nodes; ++i) {
+      const std::size_t place = (at(first) + lane) * nodes + i;
+      const std::int32_t number = taken == Occurrence::Every || set.is_first[place] != 0 ? set.numbers[place] : -1;
       for (std::size_t k = 0; k < at(d); ++k)
-        out[(i * at(d) + k) * at(kCellsTogether) + lane] = of_cell[i] < 0 ? 0.0 : vector[at(of_cell[i]) * at(d) + k];
-  }
+        out[(i * at(d) + k) * at(kCellsTogether) + lane] = number < 0 ? 0.0 : vector[at(number) * at(d) + k];
+    }
 }
 
 void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<const double> contributions,

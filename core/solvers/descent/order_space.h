@@ -21,7 +21,7 @@ struct OrderSpace {
     int nodes_per_cell = 0;
     std::int64_t first = 0;             ///< The set's first place.
     std::vector<std::int32_t> numbers;  ///< cells × nodes_per_cell: the number of the free node, −1 if it is fixed.
-    std::vector<std::int32_t> owned;    ///< The same, but −1 except at the first place of each free node.
+    std::vector<char> is_first;         ///< By place: 1 at the first one of each free node.
   };
   std::vector<Set> sets;
   /// count + 1: where each free node's places begin in `places`; empty in the problem's own order, whose incidences say
@@ -37,14 +37,16 @@ OrderSpace own_space(const Problem& problem, const Team& team);
 /// The space of a lower order. It does not depend on the number of threads. Call it inside team.run().
 OrderSpace lower_space(const Problem& problem, int order, const Team& team);
 
-/// Cells that matrices are applied to at the same time: the lanes of core/kernels/dense/lane_matrix.h. The sums do not depend
-/// on it.
+/// Cells that matrices are applied to at the same time: the lanes of core/kernels/dense/lane_matrix.h. The sums do not
+/// depend on it.
 inline constexpr std::int32_t kCellsTogether = 8;
 
+/// At which of its places gather() takes the value of a free node. At the others it takes 0.
+enum class Occurrence : std::uint8_t { Every, First };
+
 /// The values of a vector of the space at the nodes of cells `first` … `first` + `count` − 1 of a set, 0 at fixed
-/// nodes: [node][direction][lane] with kCellsTogether lanes. Lanes beyond the cells keep what they have. `numbers` is
-/// OrderSpace::Set::numbers or owned.
-void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::int32_t first, std::int32_t count, int d,
+/// nodes: [node][direction][lane] with kCellsTogether lanes. Lanes beyond the cells keep what they have.
+void gather(const OrderSpace::Set& set, Occurrence taken, std::int32_t first, std::int32_t count, int d,
             std::span<const double> vector, std::span<double> out);
 
 /// out of a node = Σ contributions at its places, in their order. `contributions` has d numbers per place.

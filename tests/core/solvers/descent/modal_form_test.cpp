@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "core/quality/accuracy/team_accuracy.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
@@ -60,6 +63,25 @@ TEST_P(ModalFormOf, WithFramesTakenAnewIsTheSquaredLossOfTheMeshAsItIsThen) {
   EXPECT_NE(anew, with_old_frames);
   team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_); });
   EXPECT_EQ(value(), anew);
+}
+
+TEST_P(ModalFormOf, IsTheSameInTheRoomOfAnother) {
+  make(3);
+  const std::vector<double> direction = testing::random_direction(problem_, 3);
+  std::vector<double> gradient(direction.size()), product(direction.size()), other(direction.size());
+  const double own = form_->gradient(gradient);
+  form_->multiply(direction, product);
+  const std::size_t needed = form_->room().size();
+  for (const std::size_t size : {needed - 1, needed, needed + 5}) {
+    std::vector<double> room(size, std::nan(""));
+    team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_, room); });
+    EXPECT_EQ(form_->room().data() == room.data(), size >= needed);
+    EXPECT_EQ(form_->gradient(other), own);
+    EXPECT_EQ(other, gradient);
+    std::ranges::fill(form_->room(), std::nan(""));
+    form_->multiply(direction, other);
+    EXPECT_EQ(other, product);
+  }
 }
 
 TEST_P(ModalFormOf, HasItsDerivatives) {

@@ -59,7 +59,7 @@ TEST_P(OrderSpaceOf, DoesNotDependOnTheNumberOfThreads) {
     EXPECT_EQ(a.place_count, b.place_count);
     for (std::size_t s = 0; s < a.sets.size(); ++s) {
       EXPECT_EQ(a.sets[s].numbers, b.sets[s].numbers);
-      EXPECT_EQ(a.sets[s].owned, b.sets[s].owned);
+      EXPECT_EQ(a.sets[s].is_first, b.sets[s].is_first);
     }
   }
 }
