@@ -245,8 +245,10 @@ Expected<std::optional<ThicknessShares>> grow_thick_cells(CheckedMesh& mesh, con
                                                           v1::Metrics& metrics) {
   if (!layers || layers->grow == 0) return std::optional<ThicknessShares>(std::in_place);
   Options& options = request.options;
-  StopToken stop(
-      [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
+  const std::function<bool()> asked = [&] {
+    return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up());
+  };
+  StopToken stop(asked);
   if (options.time_limit > 0) stop.stop_after(options.time_limit);
   const Stopwatch watch;
   Team team(options.threads);
@@ -254,7 +256,7 @@ Expected<std::optional<ThicknessShares>> grow_thick_cells(CheckedMesh& mesh, con
   Expected<GrownLayer> grown;
   try {
     const auto model = associated(mesh, request.model.get(), team);
-    grown = grow_layer(mesh, layers->walls, layers->grow, team, model ? &*model : nullptr);
+    grown = grow_layer(mesh, layers->walls, layers->grow, team, model ? &*model : nullptr, asked);
   } catch (const Interrupted&) {
     const bool was_late = stop.reason() == StopToken::Reason::TimeLimit;
     if (was_late) options.time_limit = kNoTimeLeft;

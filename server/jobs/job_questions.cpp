@@ -136,27 +136,31 @@ Answer<std::vector<std::string>> JobStore::ended_beyond(std::size_t keep, TimePo
   return read_jobs(*database_, [&](Sql& sql) -> Answer<std::vector<std::string>> {
     std::vector<std::string> names;
     // The owners are found one after another in the index, so the time depends on what is kept of each.
-    const auto last = [](const std::string& column) {
+    const auto last = [](const std::string& column, const std::string& offset, const std::string& name) {
       return "(SELECT " + column +
              " FROM jobs WHERE owner = owners.owner AND ended IS NOT NULL "
-             "ORDER BY ended DESC, key DESC LIMIT 1 OFFSET $2) AS " +
-             column;
+             "ORDER BY ended DESC, key DESC LIMIT 1 OFFSET " +
+             offset + ") AS " + name;
     };
     SqlValues values;
     values.add(nanoseconds(before)).add(static_cast<std::int64_t>(keep));
     add_time(values);
     values.add(std::int64_t{std::chrono::nanoseconds(kDueForGood).count()});
+    values.add(2 * static_cast<std::int64_t>(keep));  // a job whose call waits stays longer, up to as many again
     sql.ask(
         "WITH RECURSIVE owners(owner) AS (SELECT (SELECT owner FROM jobs WHERE ended IS NOT NULL ORDER BY owner LIMIT "
         "1) UNION ALL SELECT (SELECT owner FROM jobs WHERE ended IS NOT NULL AND owner > owners.owner ORDER BY owner "
         "LIMIT 1) FROM owners WHERE owners.owner IS NOT NULL), "
         "firsts AS MATERIALIZED (SELECT owner, " +
-            last("ended") + ", " + last("key") +
+            last("ended", "$2", "ended") + ", " + last("key", "$2", "key") + ", " + last("ended", "$5", "most_ended") +
+            ", " + last("key", "$5", "most_key") +
             " FROM owners WHERE owner IS NOT NULL) "
             "SELECT name FROM firsts JOIN jobs ON jobs.owner = firsts.owner AND jobs.ended IS NOT NULL "
             "AND jobs.ended < $1 AND (jobs.ended, jobs.key) <= (firsts.ended, firsts.key) "
             "AND (jobs.call_due IS NULL OR jobs.call_due < coalesce($3, " +
-            sql.dialect().now + ") - $4) ORDER BY firsts.owner, jobs.ended DESC, jobs.key DESC",
+            sql.dialect().now +
+            ") - $4 OR (jobs.ended, jobs.key) <= (firsts.most_ended, firsts.most_key)) ORDER BY firsts.owner, "
+            "jobs.ended DESC, jobs.key DESC",
         values, [&](const SqlRow& row) { names.push_back(row.text(0)); });
     return names;
   });

@@ -96,7 +96,7 @@ class Curl(WithRecipes):
             threading.Thread(target=server.serve_forever, daemon=True).start()
             self.addCleanup(server.shutdown)
             path = f"{curl.parent}{os.pathsep}{os.environ['PATH']}"
-            for code, status in ((408, 5), (429, 5), (500, 5), (503, 5), (504, 5), (0, 5), (200, 5), (400, 3), (401, 3), (404, 3), (413, 3)):
+            for code, status in ((408, 5), (409, 5), (429, 5), (500, 5), (503, 5), (504, 5), (0, 5), (200, 5), (400, 3), (401, 3), (404, 3), (413, 3)):
                 answers[:] = [code]
                 done = self.shell(MESH, self.folder / "out.vtu", HTTP=f"http://127.0.0.1:{server.server_address[1]}", PATH=path)
                 self.assertEqual(done.returncode, status, f"{code}: {done.stderr}")

@@ -92,9 +92,11 @@ Expected<GrowthColumns> GrowthColumns::find(const CheckedMesh& checked, std::spa
       return bad_input("No layer can grow at node " + std::to_string(mesh.node_numbers[at(vertex)]) + " of the wall. " +
                        (freedoms.of(vertex).count == mesh.dimension
                             ? "Elements of the wall around it face in opposite directions."
-                            : "The wall ends there at a boundary or an interface that has corners, that is periodic by "
-                              "a rotation, or that goes on in the direction of the wall. If it goes on, name it as a "
-                              "wall too. If the mesh is a straight one of a curved boundary, curve it first."));
+                            : "The wall ends there at a boundary or an interface on which the node cannot follow the "
+                              "layer: it has a corner there, is periodic by a rotation, goes on in the direction of "
+                              "the wall, or its shape there is not clear from the mesh or the model. If it goes on, "
+                              "name it as a wall too. If the mesh is a straight one of a curved boundary, curve it "
+                              "first."));
     const double asked = thickness / std::max(least, kMostLean);
     found.column_of_[at(vertex)] = static_cast<std::int32_t>(found.columns_.size());
     found.columns_.push_back({vertex, direction, least, asked, asked});

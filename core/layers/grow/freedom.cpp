@@ -143,8 +143,9 @@ Freedoms::Freedoms(const HighOrderMesh& mesh, std::span<const OuterFacet> outer,
   freedoms_.assign(mesh.node_count(), Around().freedom(mesh.dimension));
   for (std::size_t n = 0; n < mesh.node_count(); ++n) {
     const auto found = around.find(master_[n]);
-    if (found != around.end()) freedoms_[n] = found->second.freedom(mesh.dimension);
-    if (sides.has(master_[n])) freedoms_[n] = found->second.freedom_on(sides.directions(master_[n]));
+    if (found != around.end())  // a vertex
+      freedoms_[n] = sides.has(master_[n]) ? found->second.freedom_on(sides.directions(master_[n]))
+                                           : found->second.freedom(mesh.dimension);
     if (stays_[at(master_[n])] != 0) freedoms_[n] = {};
   }
 }

@@ -216,8 +216,8 @@ class Growth {
       const Nodes spoilt_vertices = spoilt(*made, mesh_, valid_, team);
       if (spoilt_vertices.empty()) {
         GrownLayer layer = grown(std::move(*made), team);
-        layer.sentence +=
-            " The time limit passed while it grew, so no cells moved away, and it is thinner than it could be.";
+        layer.sentence += " The time limit passed while it grew, so no cells moved away";
+        layer.sentence += layer.full_share < 1 ? ", and it is thinner than it could be." : ".";
         return layer;
       }
       columns_.shorten(nearest_.to(spoilt_vertices));
@@ -291,7 +291,7 @@ Expected<GrownLayer> grow(const CheckedMesh& mesh, std::span<const std::string> 
 }  // namespace
 
 Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,
-                                const Team& team, const Association* model) {
+                                const Team& team, const Association* model, const std::function<bool()>& asked) {
   if (mesh.facets.first.empty())
     return bad_input("The mesh is a surface in space. Layers can be made in meshes of the plane and of space.");
   double size = 0;  // of the bounding box
@@ -314,7 +314,9 @@ Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::st
     team.run([&] { grown = grow(mesh, walls, thickness, model, Pace::Leisure, team); });
   } catch (const Interrupted&) {
     if (team.stop()->reason() != StopToken::Reason::TimeLimit) throw;
-    const Team without = team.without_stop();
+    const StopToken without_limit(asked);
+    Team without = team.without_stop();
+    without.set_stop(&without_limit);
     without.run([&] { grown = grow(mesh, walls, thickness, model, Pace::Haste, without); });
   }
   if (grown && mesh.plane) mesh.plane->put_back(grown->mesh);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <span>
 #include <string>
 
@@ -42,7 +43,11 @@ struct GrownLayer {
 /// @param thickness  in the mesh's unit of length
 /// @param model      the mesh with the CAD model that it was made from: the normals of the walls, and the shape of
 ///                   curved boundaries at which they end, are those of the model. Null: there is none
+/// @param asked      whether somebody asks for the end, as the team's token does; after the time limit only this
+/// counts.
+///                   May be empty
 Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,
-                                const Team& team, const Association* model = nullptr);
+                                const Team& team, const Association* model = nullptr,
+                                const std::function<bool()>& asked = {});
 
 }  // namespace varimesh

@@ -50,7 +50,7 @@ struct SplitLayers {
 ///
 /// Heights are measured along the normal of the wall at its vertices, and along the edge itself where the wall is sharp
 /// or the edge leans by more than 60°. In thick cells that were grown (LayerOptions::grow) they are measured along the
-/// normal there, too: of the element of the wall that leans most against the edge.
+/// normal there, too; where the wall is sharp, it is that of the element that leans most against the edge.
 ///
 /// If all cells that are split are certified valid, but not all of their parts, then layers get the same share of every
 /// edge instead, and an even spacing, if fewer parts are left by that. Exact parts of valid cells are valid.

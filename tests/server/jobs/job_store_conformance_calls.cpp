@@ -101,8 +101,11 @@ TEST_P(Calls, KeepTheirJobsUntilTheyAreMade) {
   ASSERT_EQ(due(), waiting);
   ASSERT_EQ(due(), delivered);
   ASSERT_TRUE(store_->note_call(delivered, {}));
-  const auto beyond = [&] { return *store_->ended_beyond(0, now_ + seconds(1)); };
+  for (int newer = 0; newer < 2; ++newer) end_one();
+  const auto beyond = [&] { return *store_->ended_beyond(2, now_ + seconds(1)); };
   EXPECT_EQ(beyond(), std::vector<std::string>{delivered});
+  EXPECT_EQ(store_->ended_beyond(1, now_ + seconds(1))->size(), 2U) << "only as many again as are kept";
+  EXPECT_EQ(store_->ended_beyond(0, now_ + seconds(1))->size(), 4U) << "too old in any case";
   ASSERT_TRUE(store_->note_call(waiting, {"It hung.", std::chrono::hours(1)}));
   EXPECT_EQ(beyond(), std::vector<std::string>{delivered}) << "it is made again";
   now_ += std::chrono::hours(24);

@@ -90,18 +90,19 @@ TEST_F(PostgresStore, CountsLeasesOnTheClockOfTheDatabase) {
 }
 
 TEST_F(PostgresStore, KnowsByTheClockOfTheDatabaseWhichCallsAreDue) {
-  const std::string name = end_one_with_webhook();
+  const std::string name = end_one_with_webhook(), newer = end_one_with_webhook();
   const auto due = [&] {
     const auto claimed = store_->claim_call(seconds(60));
     return claimed && *claimed ? (*claimed)->name() : "";
   };
   EXPECT_EQ(due(), name);
+  EXPECT_EQ(due(), newer);
   EXPECT_EQ(due(), "");
-  EXPECT_TRUE(store_->ended_beyond(0, std::chrono::system_clock::now() + seconds(60))->empty());
+  EXPECT_TRUE(store_->ended_beyond(1, std::chrono::system_clock::now() + seconds(60))->empty());
   place_.run("UPDATE jobs SET call_due = call_due - 60 * 1000000000::bigint");
   EXPECT_EQ(due(), name);
   place_.run("UPDATE jobs SET call_due = call_due - (24 * 3600 + 61) * 1000000000::bigint");
-  EXPECT_EQ(store_->ended_beyond(0, std::chrono::system_clock::now() + seconds(60))->size(), 1U);
+  EXPECT_EQ(store_->ended_beyond(1, std::chrono::system_clock::now() + seconds(60))->size(), 1U);
 }
 
 TEST_F(PostgresStore, TakesNoJobBackSoonAfterTheStartOfTheDatabase) {

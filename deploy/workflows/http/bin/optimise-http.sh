@@ -12,10 +12,10 @@ set -uo pipefail
 in=$1 out=$2 spec=${3:-}
 : "${HTTP:?set HTTP to the address of the server}"
 [ -r "$in" ] || { echo "optimise-http.sh: cannot read the mesh $in" >&2; exit 3; }
-settings=$(if [ -n "$spec" ]; then cat "$spec"; else echo '{"outputs": ["MESH_FORMAT_VTU"]}'; fi) || exit 3
-
 answer=$(mktemp) || exit 5
-trap 'rm -f "$answer"' EXIT
+trap 'rm -f "$answer" "$out.part"' EXIT
+: > "$out.part" || { echo "optimise-http.sh: cannot write beside the result $out" >&2; exit 3; }
+settings=$(if [ -n "$spec" ]; then cat "$spec"; else echo '{"outputs": ["MESH_FORMAT_VTU"]}'; fi) || exit 3
 
 # The token is no argument of curl, since every user of the machine can read those.
 token_header() { [ -z "${VARIMESH_TOKEN:-}" ] || printf 'Authorization: Bearer %s\n' "$VARIMESH_TOKEN"; }
@@ -26,7 +26,7 @@ ask() { # FILE CURL'S ARGUMENTS
   code=$(curl -sS --fail-with-body --retry 5 --retry-connrefused -H @<(token_header) -o "$file" -w '%{http_code}' "$@") && return
   jq -r '.message // empty' "$file" >&2 2> /dev/null
   case $code in
-    408 | 429 | 5??) exit 5 ;;
+    408 | 409 | 429 | 5??) exit 5 ;; # 409: an upload was cut, or somebody else goes on with it
     4??) exit 3 ;;
     *) exit 5 ;; # no answer, or half of one
   esac
@@ -56,5 +56,5 @@ for attempt in 1 2 3 4 5 6 7 8; do
 done
 [ "$state" = JOB_STATE_SUCCEEDED ] || exit 5
 ask "$out.part" "$HTTP/v1/$job/result"
-mv "$out.part" "$out"
+mv "$out.part" "$out" || exit 3
 [ "$(jq -r '.job.metrics | (.after.certified.valid // 0 | tonumber) == (.mesh.elements | tonumber)' "$answer")" = true ] || exit 4
