@@ -106,13 +106,13 @@ class Farm(WithFarm):
 
     def test_4_a_rolling_restart_loses_nothing(self):
         front, workers = self.front_end(), [self.worker(), self.worker()]
-        job = self.ask(front, "submit", LARGER, *ENDLESS[:-1], "600", "--threads", "1")
+        job = self.ask(front, "submit", LARGER, *ENDLESS[:-1], "2500", "--threads", "1")  # longer than both restarts
         for _ in range(2):
             self.wait_for(front, job, "running")
             for worker in workers:
                 self.assertEqual(worker.end(), 0, "".join(worker.log))
                 worker.start()
-        self.wait_for(front, job, "succeeded")
+        self.wait_for(front, job, "succeeded", 200)
 
     def test_5_nothing_is_lost_when_workers_are_killed(self):
         fronts = self.front_end(), self.front_end()
