@@ -33,8 +33,8 @@ struct Way {
 /// cells are tangled. The constants of the reference lower the loss of a valid mesh from which the descent finds no
 /// way.
 constexpr std::array kWays{
-    Way{Objective::Accuracy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
-        "the objective accuracy"},
+    Way{Objective::Auto, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
+        "the default objective"},
     Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
         "the optimum of the hyperelastic energy"},
     Way{Objective::Energy, Energy::Winslow, Constants::Standard, Target::StraightSided, "the Winslow energy"},
@@ -63,7 +63,7 @@ bool leaves_hope(const Result& result) {
       uncertified, [&](std::int64_t number) { return std::ranges::binary_search(hopeless_numbers, number); });
 }
 
-/// Whether the objective is to raise the smallest scaled Jacobian, and the objective accuracy may raise it further.
+/// Whether the objective is to raise the smallest scaled Jacobian, and the default objective may raise it further.
 bool may_rise(const Options& options, const Result& result) {
   constexpr double kHardlyToBeRaised = 0.95;
   return options.objective == Objective::Worst && options.until != Until::Valid && left(result) == 0 &&
@@ -135,7 +135,7 @@ class Attempts {
   /// Whether this way is another one than that of the run, and fits what is wanted.
   bool is_for(const Way& way, const Result& result) const {
     const Options& options = set_up_.options;
-    if (way.objective == Objective::Accuracy) return options.objective == Objective::Worst && set_up_.mesh.order > 1;
+    if (way.objective == Objective::Auto) return options.objective == Objective::Worst;
     if (left(result) == 0) return has_stayed(set_up_, result) && way.constants == Constants::Reference;
     const bool is_same =
         options.energy == way.energy && options.target == way.target && options.constants == way.constants;

@@ -17,7 +17,7 @@ bool leaves_the_way_open(const Options& options);
 /// - has left cells that no proof calls unrepairable: the first way that leaves none is taken, or else the one that
 ///   leaves the fewest;
 /// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
-/// - or has Objective::Worst: the objective accuracy is tried too, and taken if its minimum is higher.
+/// - or has Objective::Worst: the default objective is tried too, and taken if its minimum is higher.
 /// From the mesh that is taken, the run goes on with the options that were given. If none is better, the result stays.
 /// All attempts together do at most a multiple of the work of the run. Iterations are numbered through.
 ///

@@ -75,6 +75,16 @@ TEST(OtherWays, LetWorstEndNoLowerThanTheDefault) {
   EXPECT_GT(raised.after.min_scaled_jacobian, 0.9);  // by its own way it ends at .69
 }
 
+// Straight-sided elements have no loss, so the default is another objective there.
+TEST(OtherWays, LetWorstEndNoLowerThanTheDefaultOnAMeshOfOrderOne) {
+  Options worst;
+  worst.objective = Objective::Worst;
+  const Result lowest = run("reentrant_2_of_5.msh"), raised = run("reentrant_2_of_5.msh", worst);
+  ASSERT_TRUE(raised.after.uncertified.empty());
+  EXPECT_GE(raised.after.min_scaled_jacobian, lowest.after.min_scaled_jacobian);
+  EXPECT_GT(raised.after.min_scaled_jacobian, 0.02);  // by its own way it ends at .014
+}
+
 /// The mesh and the set-up are those of the first run again, although attempts free their tables.
 TEST(OtherWays, LeaveAnOptimiserAsItWas) {
   const HighOrderMesh mesh = testing::read_case("reentrant_4_of_6.msh");
