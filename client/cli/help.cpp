@@ -14,10 +14,10 @@ namespace {
 
 /// The commands with so many flags that nobody reads all of them at first, and the flags that most people need.
 constexpr std::array<std::string_view, 3> kBriefCommands = {"optimise", "curve", "submit"};
-constexpr std::array<std::string_view, 20> kCommonFlags = {
-    "--help",  "--help-all",   "--output",      "--report",   "--output-format", "--label",     "--server",
-    "--json",  "--quiet",      "--geometry",    "--slide-on", "--into",          "--objective", "--until",
-    "--order", "--time-limit", "--merge-nodes", "--threads",  "--fix",           "--priority"};
+constexpr std::array<std::string_view, 18> kCommonFlags = {
+    "--help",   "--help-all", "--output",     "--report",   "--output-format", "--label",
+    "--server", "--json",     "--quiet",      "--geometry", "--into",          "--objective",
+    "--until",  "--order",    "--time-limit", "--threads",  "--fix",           "--priority"};
 
 /// `command` prints the list of all words that would be right.
 std::string with_suggestion(const std::string& sentence, const std::string& suggestion, const std::string& command) {
