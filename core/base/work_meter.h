@@ -54,7 +54,7 @@ class WorkMeter {
   /// A look for splits has found this many groups. Every later report says so.
   void found_groups(std::int64_t groups) { groups_left_ = groups; }
 
-  /// The run is expected to end in so many seconds; negative: nobody can tell. Every later report counts them down.
+  /// Sets in how many seconds the run will end; if negative, nobody can tell. Later reports count down from there.
   void expect_end_in(double seconds) {
     const auto in_ticks = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
     end_.store(seconds < 0 ? kNoEnd : (Clock::now().time_since_epoch() + in_ticks).count(), std::memory_order_relaxed);

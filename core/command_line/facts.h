@@ -1,5 +1,5 @@
-// What is known about the command line of a program. Help, manual pages and completion are made from this alone, so
-// they agree with each other; the program reads it from its parser, so they agree with what is parsed, too.
+// The facts of a program's command line. Help, manual pages and completion are made from these alone, so they agree
+// with each other. The program takes the facts from its parser, so they also agree with what it parses.
 #pragma once
 
 #include <span>

@@ -13,14 +13,14 @@ constexpr double kOrder = 1.5;
 
 // Measured on the cases of tests/bench/time_left and some twenty others: docs/notes/time-left.md.
 
-/// Before there was a Newton step: it takes as long as so many sweeps.
+/// The time of a Newton step in units of a sweep, for as long as no Newton step was timed.
 constexpr double kSweepsOfANewtonStep = 6;
 /// Sweeps that follow one, and Newton steps that follow sweeps or untangling.
 constexpr double kMoreSweeps = 6, kMoreNewtonSteps = 5, kMoreUntangling = 5;
 /// All Newton steps of a run in which cells stay that are not certified valid; fewer if the descent follows. Untangling
 /// comes between them, in units of a Newton step.
 constexpr double kStepsForInvalid = 32, kStepsBeforeDescent = 12, kUntangling = 6;
-/// At least so many Newton steps are left.
+/// The least number of Newton steps that are expected while cells are not certified valid.
 constexpr double kLeastSteps = 3;
 /// In units of a Newton step: all rounds of a mesh that is valid by then, and of one that is not; the later stages.
 constexpr double kRoundsOfValid = 30, kRoundsOfInvalid = 60, kLaterStages = 9;

@@ -33,8 +33,7 @@ struct Way {
 /// cells are tangled. The constants of the reference lower the loss of a valid mesh from which the descent finds no
 /// way.
 constexpr std::array kWays{
-    Way{Objective::Auto, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
-        "the default objective"},
+    Way{Objective::Auto, Energy::Hyperelastic, Constants::Standard, Target::StraightSided, "the default objective"},
     Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
         "the optimum of the hyperelastic energy"},
     Way{Objective::Energy, Energy::Winslow, Constants::Standard, Target::StraightSided, "the Winslow energy"},

@@ -57,7 +57,7 @@ TEST(Forecast, SeesTheEndOfRoundsThatGetShorter) {
   double now = 10, move = 0.8;
   for (int round = 0; round < 6; ++round)
     forecast.round(move *= 0.4, kRest, false, {.now = now += 2, .is_valid = true});
-  // 0.0013, … of which all together are shorter than kRest after one more round.
+  // 0.0013, … After one more round, all that are left add up to less than kRest.
   EXPECT_NEAR(forecast.seconds_left(now).value(), 2, 2);
 }
 
