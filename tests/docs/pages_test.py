@@ -29,7 +29,9 @@ NOT_HERE = {
     ("development.md", "tests/run"): "the tests themselves",
     ("development.md", "build/release"): "programs that take hours or need root",
     ("development.md", "tests/bench"): "builds the benchmarks, or takes hours",
-    ("tutorial.md", "deploy/demo"): "sets the machine up",
+    ("tutorial.md", "deploy/demo"): "the class Beginnings runs it",
+    ("tutorial-cad.md", "deploy/setup"): "the class Beginnings runs it",
+    ("tutorial-layers.md", "deploy/setup"): "the class Beginnings runs it",
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "varimeshd token"): "the server in it does not end; tests/client/jobs/tokens_test.py makes tokens",
     ("server.md", "varimeshd --role"): "it needs a database; tests/server/postgres/farm_test.py starts one",
@@ -213,6 +215,69 @@ class WithPrograms(support.WithFolder):
         return done.stdout
 
 
+# In place of CMake: makes the files of a build that the demo looks at, and puts the programs that are asked for where CMake would.
+CMAKE = r"""#!/bin/bash
+set -eu
+if [ "$1" = --build ]; then
+  build=$2
+  shift 3  # --build FOLDER --target
+  for target in "$@"; do
+    case $target in
+      varimeshd) ln -sfn "$BUILT/server" "$build/server" ;;
+      varimesh_command) find "$BUILT/client" -maxdepth 1 -type f -perm -u+x -exec ln -sf -t "$build/client" {} + ;;
+      varimesh_python) ln -sfn "$BUILT/client/python" "$build/client/python" ;;
+      varimesh_opencascade | varimesh_hdf5) ;;
+      *) echo "no target $target" >&2; exit 1 ;;
+    esac
+  done
+else  # --preset release -B FOLDER
+  mkdir -p "$4/client"
+  [ ! -e "$BUILT/lib" ] || ln -sfn "$BUILT/lib" "$4/lib"
+  printf 'build %s: phony\n' varimeshd varimesh_command varimesh_python varimesh_opencascade varimesh_hdf5 >"$4/build.ninja"
+fi
+"""
+
+
+class Beginnings(support.WithFolder):
+    """The first blocks of the tutorials, as on a machine on which nothing is built. Only CMake and Ninja are played: the
+    programs are there already."""
+
+    def begin(self, page):
+        tree, stubs = self.folder / "tree", self.folder / "stubs"
+        tree.mkdir()
+        stubs.mkdir()
+        shutil.copytree(SOURCE / "deploy", tree / "deploy")
+        (tree / "tests").mkdir()
+        (tree / "tests" / "cases").symlink_to(CASES)
+        for name, text in (("cmake", CMAKE), ("ninja", "#!/bin/sh\necho '[1/1] all'\n")):
+            (stubs / name).write_text(text)
+            (stubs / name).chmod(0o755)
+        (stubs / "python3").symlink_to(sys.executable)
+        built = Path(VARIMESH).resolve().parent.parent
+        environment = {**os.environ, "PATH": f"{stubs}:{os.environ['PATH']}", "HOME": str(self.folder), "VARIMESH_SETUP": "skip",
+                       "BUILT": str(built), "PYTHONPATH": ""}
+        block = next(block for block in blocks(SOURCE / "docs" / page) if block.text.startswith("deploy/"))
+        after = "\npwd; command -v varimesh varimeshd; python3 -c 'import varimesh; print(varimesh.__file__)'\n"
+        done = subprocess.run(["bash", "-euc", block.text + after], cwd=tree, env=environment, text=True, timeout=200,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.splitlines()[-4:], [
+            f"{tree}/{page.removesuffix('.md')}", *(f"{tree}/build/demo/{path}" for path in (
+                "client/varimesh", "server/varimeshd", "client/python/package/varimesh/__init__.py"))])
+        self.assertIn("building the server and the command in build/demo", done.stdout)
+        self.assertLessEqual({"demo.msh", "demo.vtu", "demo.html"}, set(os.listdir(tree / "out")))
+        return done.stdout
+
+    def test_of_the_tutorial(self):
+        self.assertIn("every element is certified valid", self.begin("tutorial.md"))
+
+    def test_of_the_tutorial_from_cad(self):
+        self.begin("tutorial-cad.md")
+
+    def test_of_the_tutorial_of_layers(self):
+        self.begin("tutorial-layers.md")
+
+
 class Tutorial(WithPrograms):
     def test_runs_unchanged(self):
         os.environ["PATH"] = self.environment["PATH"]  # varimesh.local() looks for the server there
@@ -298,8 +363,10 @@ class Commands(WithPrograms):
 
 
 if __name__ == "__main__":
-    if sys.argv[1] in ("Tutorial", "Commands"):
+    if sys.argv[1] in ("Beginnings", "Tutorial", "Commands"):
         support.need()
+    if sys.argv[1] == "Beginnings" and not (Path(VARIMESH).resolve().parent / "python" / "package").exists():
+        support.skip("the programs are not in a build tree")
     if sys.argv[1] == "FromCad" and not (Path(VARIMESH).resolve().parent / "libvarimesh_opencascade.so").exists():
         support.skip("VariMesh was built without OpenCASCADE (deploy/setup geometry)")
     if sys.argv[1] in ("Tutorial", "FromCad") and not (shutil.which("gmsh") and importlib.util.find_spec("gmsh")):
