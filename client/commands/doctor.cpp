@@ -22,6 +22,7 @@
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
 #include "core/base/version.h"
+#include "core/device/card.h"
 #include "core/geometry/cad_reader.h"
 #include "core/process/helper_program.h"
 
@@ -83,6 +84,21 @@ Finding cad_plugin() {
   return found;
 }
 
+/// The cards of this machine, or why there is none. That there is none is not wrong.
+Finding devices() {
+  const auto driver = device::Driver::open();
+  if (!driver) return {"device", driver.error().sentence, ""};
+  const auto cards = driver->cards();
+  if (!cards) return {"device", cards.error().sentence, ""};
+  std::string found;
+  for (const device::Properties& card : *cards)
+    found += fmt::format("{}, {:.1f} GiB, compute capability {}.{}; ", card.name,
+                         static_cast<double>(card.memory) / (1 << 30), card.capability / 10, card.capability % 10);
+  const int version = cards->front().driver;
+  found += fmt::format("driver for CUDA {}.{} (no command uses a device yet)", version / 1000, version % 1000 / 10);
+  return {"device", found, ""};
+}
+
 Finding server(const std::string& address, const Credentials& credentials) {
   const auto started = std::chrono::steady_clock::now();
   Settings settings;
@@ -130,6 +146,7 @@ int doctor(const CommonFlags& flags) {
       {"processor", processor(), ""},
       {"vectors", std::string(vector_instructions()), ""},
       threads(),
+      devices(),
       temporary_files(),
       cad_plugin(),
       optional_part("gmsh", find_program("gmsh"), "for varimesh mesh"),
@@ -148,8 +165,8 @@ int doctor(const CommonFlags& flags) {
 
 Action add_doctor(Command program) {
   auto flags = std::make_shared<CommonFlags>();
-  Command command =
-      program.add_command("doctor", "Check this machine and a server: versions, processor, threads, disk space");
+  Command command = program.add_command(
+      "doctor", "Check this machine and a server: versions, processor, threads, device, disk space");
   add_server_flag(command, flags.get());
   add_json_flag(command, flags.get());
   return [flags] { return doctor(*flags); };

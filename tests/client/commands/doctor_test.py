@@ -11,8 +11,8 @@ from programs import LARGER, MESH, VARIMESH, Server, WithFolder, run
 class Doctor(WithFolder):
     def test_finds_nothing_wrong_with_this_machine(self):
         found = json.loads(run("doctor", "--json").stdout)
-        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads", "temporary files",
-                                       "CAD plugin", "gmsh", "HDF5 program"])
+        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads", "device",
+                                       "temporary files", "CAD plugin", "gmsh", "HDF5 program"])
         self.assertFalse([one for one in found.values() if one["wrong"]])
         self.assertRegex(found["vectors"]["found"], "^(EMU128|SCALAR|SSE4|SSSE3|SSE2|AVX2|AVX3|AVX3_DL|NEON)$")
         self.assertEqual(found["threads"]["found"].split()[0], str(len(os.sched_getaffinity(0))))
@@ -21,6 +21,27 @@ class Doctor(WithFolder):
         found = json.loads(run("doctor", "--json", env={**os.environ, "PATH": str(self.folder)}).stdout)
         self.assertEqual(found["gmsh"], {"found": "missing (for varimesh mesh)", "wrong": ""})
         self.assertIn("(for --geometry, curve and mesh)", found["CAD plugin"]["found"])
+
+    def device(self, driver, state=""):
+        """What doctor says of the device of a machine with this driver."""
+        done = run("doctor", "--json", env={**os.environ, "LD_LIBRARY_PATH": str(driver), "FAKE_CUDA": state})
+        self.assertEqual(done.returncode, 0, done.stdout)
+        device = json.loads(done.stdout)["device"]
+        self.assertEqual(device["wrong"], "", "a machine without a device is well")
+        return device["found"]
+
+    def test_says_which_device_there_is_or_why_there_is_none(self):
+        fake, older = os.environ["FAKE_DRIVER"], os.environ["OLDER_DRIVER"]
+        self.assertEqual(self.device(fake, "memory=150110011392"),
+                         "Fake Card 1, 139.8 GiB, compute capability 9.0; driver for CUDA 12.4 (no command uses a device yet)")
+        self.assertEqual(self.device(fake, "cards=2").count("Fake Card 1"), 2)
+        for driver, state, pattern in ((fake, "cards=0", "^The NVIDIA driver finds no device"),
+                                       (fake, "version=9020", "too old: it is for CUDA 9.2"),
+                                       (fake, "result=803", "restart the machine"),
+                                       (older, "", "too old: it has no function cuDriverGetVersion")):
+            self.assertRegex(self.device(driver, state), pattern)
+        (self.folder / "libcuda.so.1").write_text("no library")
+        self.assertRegex(self.device(self.folder), "^There is no NVIDIA driver on this machine .*file too short|invalid ELF")
 
     def test_finds_what_is_wrong(self):
         server = Server()

@@ -1,0 +1,236 @@
+// A library that takes the place of NVIDIA's driver in tests. It has one card, whose memory is this process's, and runs
+// kernels that a test has registered with fake_cuda_kernels(). It refuses what the real driver refuses: calls without a
+// context, copies past the end of an allocation, memory that was freed.
+//
+// The variable FAKE_CUDA says what is wrong with it, in words with a space between them:
+//   version=10010      the version of CUDA that it is for
+//   result=803         cuInit() ends with this result
+//   cards=0            how many cards there are
+//   capability=60      of the card
+//   busy               another process has the card for itself
+//   memory=4096        bytes of memory
+//   load=218           loading a module ends with this result
+//   lost=3             the third launch breaks the card: every later call ends with 719
+//   lost_at_wait=3     the third launch breaks the card, and the next call that waits is the first to say so
+//   shared=49152       bytes of shared memory per block
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "core/device/device.h"
+
+namespace {
+
+using Result = int;
+constexpr Result kSuccess = 0, kInvalidValue = 1, kOutOfMemory = 2, kNotInitialised = 3, kUnavailable = 46,
+                 kNoDevice = 100, kInvalidContext = 201, kNotFound = 500, kLaunchFailed = 719;
+
+/// The number after `word` in FAKE_CUDA; `otherwise` if the word is not there.
+long setting(const std::string& word, long otherwise) {
+  const char* all = std::getenv("FAKE_CUDA");
+  const std::string text = " " + std::string(all == nullptr ? "" : all) + " ";
+  if (const auto at = text.find(" " + word + "="); at != std::string::npos)
+    return std::atol(text.c_str() + at + word.size() + 2);
+  return text.find(" " + word + " ") != std::string::npos ? 1 : otherwise;
+}
+
+struct Card {
+  std::map<std::uint64_t, std::size_t> allocated;
+  std::size_t used = 0;
+  int contexts = 0, modules = 0, launches = 0;
+  bool lost = false, lost_silently = false;
+  const varimesh::device::CpuKernel* kernels = nullptr;
+  std::size_t kernel_count = 0;
+  std::string compiler_log;
+};
+Card card;
+bool initialised = false;
+thread_local void* current = nullptr;
+char context_of_card;
+
+std::size_t memory() { return static_cast<std::size_t>(setting("memory", 1L << 30)); }
+
+Result ready() {
+  if (!initialised) return kNotInitialised;
+  if (card.lost) return kLaunchFailed;
+  return current == &context_of_card ? kSuccess : kInvalidContext;
+}
+
+/// Whether these bytes lie in one allocation.
+bool is_allocated(std::uint64_t address, std::size_t bytes) {
+  auto after = card.allocated.upper_bound(address);
+  if (after == card.allocated.begin()) return false;
+  const auto& [first, size] = *--after;
+  return address - first + bytes <= size;
+}
+
+Result waited() {
+  if (card.lost_silently) card.lost = true;
+  return ready();
+}
+
+}  // namespace
+
+extern "C" {
+
+/// For tests: the kernels of every module that is loaded from now on.
+void fake_cuda_kernels(const varimesh::device::CpuKernel* kernels, std::size_t count) {
+  card = Card();
+  card.kernels = kernels;
+  card.kernel_count = count;
+}
+/// For tests: bytes that are allocated, contexts that are held and modules that are loaded.
+void fake_cuda_held(std::size_t* bytes, int* contexts, int* modules) {
+  *bytes = card.used;
+  *contexts = card.contexts;
+  *modules = card.modules;
+}
+
+Result cuInit(unsigned) {
+  const auto result = static_cast<Result>(setting("result", kSuccess));
+  if (result == kSuccess && setting("cards", 1) == 0) return kNoDevice;
+  initialised = result == kSuccess;
+  return result;
+}
+Result cuDriverGetVersion(int* version) {
+  *version = static_cast<int>(setting("version", 12040));
+  return kSuccess;
+}
+Result cuGetErrorName(Result result, const char** name) {
+  static const std::map<Result, const char*> names{
+      {kInvalidValue, "CUDA_ERROR_INVALID_VALUE"},     {kOutOfMemory, "CUDA_ERROR_OUT_OF_MEMORY"},
+      {kInvalidContext, "CUDA_ERROR_INVALID_CONTEXT"}, {kNotFound, "CUDA_ERROR_NOT_FOUND"},
+      {kLaunchFailed, "CUDA_ERROR_LAUNCH_FAILED"},     {218, "CUDA_ERROR_INVALID_PTX"},
+      {222, "CUDA_ERROR_UNSUPPORTED_PTX_VERSION"}};
+  const auto found = names.find(result);
+  *name = found == names.end() ? nullptr : found->second;
+  return found == names.end() ? kInvalidValue : kSuccess;
+}
+Result cuDeviceGetCount(int* count) {
+  *count = static_cast<int>(setting("cards", 1));
+  return initialised ? kSuccess : kNotInitialised;
+}
+Result cuDeviceGet(int* device, int number) {
+  *device = number;
+  return number < setting("cards", 1) ? kSuccess : kInvalidValue;
+}
+Result cuDeviceGetName(char* name, int room, int) {
+  std::strncpy(name, "Fake Card 1", static_cast<std::size_t>(room));
+  return kSuccess;
+}
+Result cuDeviceGetAttribute(int* value, int attribute, int) {
+  const long capability = setting("capability", 90);
+  switch (attribute) {
+    case 75:
+      *value = static_cast<int>(capability / 10);
+      return kSuccess;
+    case 76:
+      *value = static_cast<int>(capability % 10);
+      return kSuccess;
+    case 16:
+      *value = 4;
+      return kSuccess;
+    case 97:
+      *value = static_cast<int>(setting("shared", 232448));
+      return kSuccess;
+    default:
+      return kInvalidValue;
+  }
+}
+Result cuDeviceTotalMem_v2(std::size_t* bytes, int) {
+  *bytes = memory();
+  return kSuccess;
+}
+Result cuDevicePrimaryCtxRetain(void** context, int) {
+  if (setting("busy", 0) != 0) return kUnavailable;
+  ++card.contexts;
+  *context = &context_of_card;
+  return kSuccess;
+}
+Result cuDevicePrimaryCtxRelease_v2(int) {
+  --card.contexts;
+  return kSuccess;
+}
+Result cuCtxSetCurrent(void* context) {
+  current = context;
+  return ready();
+}
+Result cuMemGetInfo_v2(std::size_t* free, std::size_t* total) {
+  *free = memory() - card.used;
+  *total = memory();
+  return ready();
+}
+Result cuCtxSynchronize() { return waited(); }
+Result cuModuleLoadDataEx(void** module, const void* image, unsigned options, int* names, void** values) {
+  if (const Result result = ready(); result != kSuccess) return result;
+  if (const auto result = static_cast<Result>(setting("load", kSuccess)); result != kSuccess) {
+    for (unsigned i = 0; i < options; ++i)
+      if (names[i] == 5) std::strcpy(static_cast<char*>(values[i]), "ptxas fatal : line 1");
+    return result;
+  }
+  if (std::string_view(static_cast<const char*>(image)).find(".version") == std::string_view::npos) return 218;
+  ++card.modules;
+  *module = &card;
+  return kSuccess;
+}
+Result cuModuleUnload(void*) {
+  --card.modules;
+  return ready();
+}
+Result cuModuleGetFunction(const void** function, void*, const char* name) {
+  for (std::size_t i = 0; i < card.kernel_count; ++i)
+    if (card.kernels[i].name == name) {
+      *function = &card.kernels[i];
+      return kSuccess;
+    }
+  return kNotFound;
+}
+Result cuFuncSetAttribute(void*, int attribute, int value) {
+  return attribute == 8 && value <= setting("shared", 232448) ? kSuccess : kInvalidValue;
+}
+Result cuMemAlloc_v2(std::uint64_t* address, std::size_t bytes) {
+  if (const Result result = ready(); result != kSuccess) return result;
+  if (bytes > memory() - card.used) return kOutOfMemory;
+  *address = reinterpret_cast<std::uint64_t>(std::aligned_alloc(256, (bytes + 255) / 256 * 256));
+  card.allocated[*address] = bytes;
+  card.used += bytes;
+  return kSuccess;
+}
+Result cuMemFree_v2(std::uint64_t address) {
+  const auto found = card.allocated.find(address);
+  if (found == card.allocated.end()) return kInvalidValue;
+  card.used -= found->second;
+  card.allocated.erase(found);
+  std::free(reinterpret_cast<void*>(address));
+  return kSuccess;
+}
+Result cuMemcpyHtoD_v2(std::uint64_t to, const void* from, std::size_t bytes) {
+  if (const Result result = waited(); result != kSuccess) return result;
+  if (!is_allocated(to, bytes)) return kInvalidValue;
+  std::memcpy(reinterpret_cast<void*>(to), from, bytes);
+  return kSuccess;
+}
+Result cuMemcpyDtoH_v2(void* to, std::uint64_t from, std::size_t bytes) {
+  if (const Result result = waited(); result != kSuccess) return result;
+  if (!is_allocated(from, bytes)) return kInvalidValue;
+  std::memcpy(to, reinterpret_cast<const void*>(from), bytes);
+  return kSuccess;
+}
+Result cuLaunchKernel(const void* function, unsigned blocks, unsigned, unsigned, unsigned threads, unsigned, unsigned,
+                      unsigned shared, void*, void** arguments, void**) {
+  if (const Result result = ready(); result != kSuccess) return result;
+  if (shared > setting("shared", 232448) || blocks == 0) return kInvalidValue;
+  ++card.launches;
+  if (card.launches >= setting("lost", 1L << 30)) card.lost = true;
+  if (card.launches >= setting("lost_at_wait", 1L << 30)) card.lost_silently = true;
+  if (card.lost || card.lost_silently) return ready();
+  for (unsigned block = 0; block < blocks; ++block)
+    static_cast<const varimesh::device::CpuKernel*>(function)->run_block(arguments[0], static_cast<std::int32_t>(block),
+                                                                         static_cast<std::int32_t>(threads));
+  return kSuccess;
+}
+
+}  // extern "C"
