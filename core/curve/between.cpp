@@ -13,6 +13,9 @@ constexpr double kPlaced = 1e-5;
 
 /// The cosine between normals a third of a turn apart.
 constexpr double kThirdOfATurn = -0.5;
+/// Points between the ends of an edge that goes round are at least so far from both, relative to the distance of the
+/// ends. Halfway around a circle, it is 0.7.
+constexpr double kInTheMiddle = 0.25;
 
 /// A foot is stationary if the vector to it has a smaller part along the surface than this, relative to the limit.
 constexpr double kStationary = 1e-6;
@@ -120,10 +123,14 @@ bool goes_round(const geometry::SurfaceShape& surface, const std::vector<PlacedP
   return normal(points.front()).dot(normal(points.back())) < kThirdOfATurn;
 }
 
-/// Whether such an edge leaves the face in its middle, and so goes round the wrong side.
+/// Whether such an edge leaves the face in its middle, and so goes round the wrong side; or does not go round at all,
+/// since the middle of its chord is equally far from all points.
 bool leaves(const geometry::SurfaceShape& surface, const std::vector<PlacedPoint>& points) {
   const PlacedPoint& middle = points[points.size() / 2];
-  return goes_round(surface, points) && !surface.contains(middle.at[0], middle.at[1]);
+  const Eigen::Vector3d &first = points.front().x, &last = points.back().x;
+  const double nearer = std::min((middle.x - first).norm(), (middle.x - last).norm());
+  return goes_round(surface, points) &&
+         (nearer < kInTheMiddle * (last - first).norm() || !surface.contains(middle.at[0], middle.at[1]));
 }
 
 }  // namespace

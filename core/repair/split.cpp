@@ -27,6 +27,14 @@ std::vector<int> local_vertices(const SplitPlace& place, const VertexNodes& vert
   return result;
 }
 
+/// Whether all vertices of the element are on the place or beside it.
+bool lies_beside(const SplitPlace& place, const VertexNodes& vertices, const std::vector<std::int32_t>& beside) {
+  return std::ranges::all_of(vertices, [&](std::int32_t vertex) {
+    return vertex < 0 || std::ranges::find(place, vertex) != place.end() ||
+           std::ranges::find(beside, vertex) != beside.end();
+  });
+}
+
 std::string sentence(const RepairStep& step, bool on_boundary, Shape shape) {
   const bool edge = step.kind == RepairStep::Kind::SplitEdge;
   const bool volume = shape == Shape::Tetrahedron;
@@ -59,8 +67,9 @@ class Splitter {
     classified_ = std::ranges::none_of(mesh.node_blocks, [](const NodeBlock& block) { return block.dimension < 0; });
   }
 
-  HighOrderMesh split(std::span<const SplitPlace> places, std::vector<RepairStep>& steps, SplitParents* parents) {
-    const std::vector<std::vector<Member>> members = members_of(places);
+  HighOrderMesh split(std::span<const SplitPlace> places, std::vector<RepairStep>& steps, SplitParents* parents,
+                      std::span<const std::vector<std::int32_t>> beside) {
+    const std::vector<std::vector<Member>> members = members_of(places, beside);
     for (std::size_t i = 0; i < places.size(); ++i) {
       new_classes_.clear();
       const auto before = static_cast<std::int32_t>(result_.node_count());
@@ -95,7 +104,8 @@ class Splitter {
 
   /// The elements of each place: those of lower dimension first. They are found by the place's vertex with the lowest
   /// index.
-  std::vector<std::vector<Member>> members_of(std::span<const SplitPlace> places) const {
+  std::vector<std::vector<Member>> members_of(std::span<const SplitPlace> places,
+                                              std::span<const std::vector<std::int32_t>> beside) const {
     std::vector<std::vector<Member>> members(places.size());
     std::multimap<std::int32_t, std::size_t> by_vertex;
     for (std::size_t i = 0; i < places.size(); ++i) by_vertex.emplace(places[i][0], i);
@@ -108,7 +118,10 @@ class Splitter {
         for (const std::int32_t vertex : vertices) {
           const auto [first, last] = by_vertex.equal_range(vertex);
           for (auto entry = first; entry != last; ++entry)
-            if (local_vertices(places[entry->second], vertices).size() == at(vertex_count(places[entry->second])))
+            if (const SplitPlace& place = places[entry->second];
+                local_vertices(place, vertices).size() == at(vertex_count(place)) &&
+                (beside.empty() || beside[entry->second].empty() ||
+                 lies_beside(place, vertices, beside[entry->second])))
               members[entry->second].push_back({b, e});
         }
       }
@@ -315,8 +328,8 @@ class Splitter {
 }  // namespace
 
 HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps,
-                    SplitParents* parents) {
-  return Splitter(mesh).split(places, steps, parents);
+                    SplitParents* parents, std::span<const std::vector<std::int32_t>> beside) {
+  return Splitter(mesh).split(places, steps, parents, beside);
 }
 
 }  // namespace varimesh

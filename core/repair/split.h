@@ -42,7 +42,9 @@ using SplitParents = std::vector<std::vector<std::size_t>>;
 /// Requirements: all elements around every place are simplices of the mesh's order, at least one of them a cell, and no
 /// two places share a cell.
 /// @param parents  if not null, receives where the new elements come from
+/// @param beside   empty; or by place, empty or in any order: the other vertices of the elements that are split. Those
+///                 that have others stay. The nodes on the place belong to the former alone.
 HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps,
-                    SplitParents* parents = nullptr);
+                    SplitParents* parents = nullptr, std::span<const std::vector<std::int32_t>> beside = {});
 
 }  // namespace varimesh

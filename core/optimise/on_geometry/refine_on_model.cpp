@@ -7,8 +7,8 @@
 #include "core/base/team.h"
 #include "core/mesh/node_parameters.h"
 #include "core/mesh/plane.h"
-#include "core/repair/boundary_swaps.h"
-#include "core/repair/refine.h"
+#include "core/repair/boundary/boundary_swaps.h"
+#include "core/repair/boundary/refine.h"
 #include "core/slide/slide_on_file.h"
 
 namespace varimesh {

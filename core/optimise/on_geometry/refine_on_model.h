@@ -34,9 +34,10 @@ struct Refinement {
 /// For a person, if refining ends because the mesh may not have more elements than these.
 std::string full_sentence(std::size_t most_cells);
 
-/// Swaps edges of these elements that no split can help (core/repair/boundary_swaps.h), or if there are none, splits
-/// edges (core/repair/refine.h), and adds to `done`. Returns how many. `options.fix`, `threads` and `stop` are looked
-/// at. Errors: those of associate(). Throws Interrupted if the work is to stop; the mesh is then as it came.
+/// Swaps edges of these elements that no split can help (core/repair/boundary/boundary_swaps.h), or if there are none,
+/// splits edges (core/repair/boundary/refine.h), and adds to `done`. Returns how many. `options.fix`, `threads` and
+/// `stop` are looked at. Errors: those of associate(). Throws Interrupted if the work is to stop; the mesh is then as
+/// it came.
 /// @param wanted      numbers of elements, in ascending order
 /// @param most_cells  how many the mesh may have
 Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions& options,

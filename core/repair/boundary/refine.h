@@ -34,7 +34,8 @@ struct RefineReport {
 /// because they meet at about 180°, the edge opposite is the candidate. Otherwise, of the edges of a cell on the
 /// boundary, those are candidates along which the surfaces and curves of the geometry turn most; if they hardly turn,
 /// the longest one is. The edge that the most wanted cells share per cell that is added comes first. If no wanted cell
-/// has an edge on the boundary that may be split, the longest edges of the wanted cells are candidates.
+/// has an edge on the boundary that may be split, the longest edges of the wanted cells are candidates. An edge at
+/// which two sides of the boundary touch (boundary/pinched_edges.h) gets a new vertex for each side.
 ///
 /// New vertices lie on the geometry, in the middle of their edge, and other new boundary nodes between them
 /// (core/curve/refined.h).

@@ -1,6 +1,6 @@
 // Cells with two faces on one smooth surface are taken out, the mesh conforms, and its new boundary lies on the
 // geometry.
-#include "core/repair/boundary_swaps.h"
+#include "core/repair/boundary/boundary_swaps.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Edges on the boundary are split with new nodes on the geometry, the mesh conforms, and everything else stays.
-#include "core/repair/refine.h"
+#include "core/repair/boundary/refine.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/repair/boundary_swaps.h"
+#include "core/repair/boundary/boundary_swaps.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "core/repair/refine.h"
+#include "core/repair/boundary/refine.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include "core/curve/parts.h"
 #include "core/curve/refined.h"
 #include "core/mesh/connectivity.h"
+#include "core/repair/boundary/pinched_edges.h"
 #include "core/repair/choose_splits.h"
 #include "core/repair/split.h"
 #include "core/repair/split_candidates.h"
@@ -44,7 +45,8 @@ class Edges {
         request_(request),
         rules_(rules),
         cells_(cells),
-        parts_(mesh, association.surface_of_element) {
+        parts_(mesh, association.surface_of_element),
+        pinched_(pinched_edges(mesh, association, parts_, cells, rules)) {
     for (const PeriodicLink& link : mesh.periodic)
       for (const auto& [node, master] : link.nodes) linked_.insert({node, master});
     for (std::size_t e = 0; e < parts_.edges.size(); ++e)
@@ -72,6 +74,8 @@ class Edges {
       if (most > kHardly ? edge.turn >= kNearlyMost * most : edge.length == longest) result.push_back(edge.place);
     return result;
   }
+
+  const std::map<SplitPlace, PinchedEdge>& pinched() const { return pinched_; }
 
   /// The longest edge of the cell that may be split.
   std::vector<SplitPlace> longest(std::size_t cell) const {
@@ -109,7 +113,7 @@ class Edges {
   /// The unit tangent at `from` of the edge to `to`; nothing if the edge does not lie on a curve.
   std::optional<Eigen::Vector3d> along_curve(std::int32_t from, std::int32_t to) const {
     const auto found = by_ends_.find({std::min(from, to), std::max(from, to)});
-    if (found == by_ends_.end()) return std::nullopt;
+    if (found == by_ends_.end() || pinched_.contains(edge_place(from, to))) return std::nullopt;
     std::vector<std::int32_t> inner = parts_.edges[found->second].inner;
     if (inner.empty() || association_.nodes[at(inner.front())].dimension != 1) return std::nullopt;
     if (from > to) std::ranges::reverse(inner);
@@ -143,7 +147,8 @@ class Edges {
     if (boundary != nullptr) {
       if (boundary->surfaces.front() < 0 || boundary->inner.empty()) return false;
       for (const std::int32_t node : boundary->inner)
-        if (association_.nodes[at(node)].dimension < 0 || (!request_.held.empty() && request_.held[at(node)]))
+        if ((association_.nodes[at(node)].dimension < 0 && !pinched_.contains(place)) ||
+            (!request_.held.empty() && request_.held[at(node)]))
           return false;
     }
     if (linked_.contains(place[0]) && linked_.contains(place[1])) return false;
@@ -194,14 +199,41 @@ class Edges {
   const SplitRules& rules_;
   const Cells& cells_;
   const detail::MeshParts parts_;
+  const std::map<SplitPlace, PinchedEdge> pinched_;
   std::map<std::array<std::int32_t, 2>, std::size_t> by_ends_;  // those on the boundary
   std::set<std::int32_t> linked_;                               // nodes of periodic links
 };
 
+/// Edges to split.
+struct Places {
+  std::vector<SplitPlace> places;
+  std::vector<std::vector<std::int32_t>> beside;  ///< As split() takes it.
+};
+
+/// Puts each pinched edge there twice, once for each of its sides, and gives the sides nodes of their own.
+Places by_sides(HighOrderMesh& mesh, std::span<const SplitPlace> places,
+                const std::map<SplitPlace, PinchedEdge>& pinched) {
+  Places result;
+  for (const SplitPlace& place : places) {
+    const auto found = pinched.find(place);
+    if (found == pinched.end()) {
+      result.places.push_back(place);
+      result.beside.emplace_back();
+      continue;
+    }
+    part_nodes(mesh, place, found->second);
+    for (const PinchedEdge::Side& side : found->second.sides) {
+      result.places.push_back(place);
+      result.beside.push_back(side.beside);
+    }
+  }
+  return result;
+}
+
 /// The edges to split, as far as the mesh may grow.
+/// @param mesh     pinched edges among them get nodes of their own for each side
 /// @param is_full  receives whether it may not grow as far as wanted
-std::vector<SplitPlace> edges_to_split(const HighOrderMesh& mesh, Association& association,
-                                       const RefineRequest& request, bool& is_full) {
+Places edges_to_split(HighOrderMesh& mesh, Association& association, const RefineRequest& request, bool& is_full) {
   const Cells cells(mesh, mesh.dimension);
   const std::vector<bool> none(mesh.node_count(), false);
   const SplitRules rules(mesh, cells, none);
@@ -226,7 +258,7 @@ std::vector<SplitPlace> edges_to_split(const HighOrderMesh& mesh, Association& a
     count += more;
     return false;
   });
-  return places;
+  return by_sides(mesh, places, edges.pinched());
 }
 
 /// The names of the surfaces of the geometry on which new vertices lie.
@@ -246,11 +278,11 @@ std::set<std::string> surfaces_around(const HighOrderMesh& mesh, const Associati
 RefineReport refine(HighOrderMesh& mesh, Association& association, const RefineRequest& request,
                     std::vector<RepairStep>& steps, const Team& team) {
   RefineReport report;
-  const std::vector<SplitPlace> places = edges_to_split(mesh, association, request, report.is_full);
-  if (places.empty()) return report;
   const std::size_t had = mesh.node_count(), done = steps.size();
+  const auto [places, beside] = edges_to_split(mesh, association, request, report.is_full);
+  if (places.empty()) return report;
   SplitParents parents;
-  mesh = split(mesh, places, steps, &parents);
+  mesh = split(mesh, places, steps, &parents, beside);
   std::vector<std::vector<int>> surface_of_element = association.surface_of_element;
   for (std::size_t b = 0; b < parents.size(); ++b)
     if (!surface_of_element[b].empty())

@@ -1,0 +1,42 @@
+// Edges at which two sides of the boundary touch.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "core/association/association.h"
+#include "core/curve/parts.h"
+#include "core/mesh/connectivity.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/repair/split.h"
+#include "core/repair/split_rules.h"
+
+namespace varimesh {
+
+/// An edge with two surfaces of the geometry on it, each of which goes on at both of its sides. A coarse mesh has such
+/// edges across holes: both sides of the hole have an edge with the same ends, and a mesh has only one of these. So its
+/// nodes cannot lie on both surfaces. If each side gets a vertex of its own between the ends, the sides part.
+struct PinchedEdge {
+  struct Side {
+    int surface = -1;                      ///< Index in Association::geometry.surfaces.
+    int entity = 0;                        ///< Of the mesh, that of the elements on this side.
+    std::array<std::int32_t, 2> apexes{};  ///< The third vertices of the two surface elements.
+    std::vector<std::int32_t> beside;      ///< The other vertices of all elements on this side, as split() takes them.
+  };
+  std::array<Side, 2> sides;
+};
+
+/// Those of a mesh of tetrahedra whose cells lie outside of what is between the sides. Edges on which an element of
+/// dimension 1 lies are none.
+/// @param parts  of the mesh
+std::map<SplitPlace, PinchedEdge> pinched_edges(const HighOrderMesh& mesh, const Association& association,
+                                                const detail::MeshParts& parts, const Cells& cells,
+                                                const SplitRules& rules);
+
+/// Gives the elements on the second side nodes of their own between the ends of the edge, in the same places, so that
+/// the sides have only the ends in common. They come last in the mesh.
+void part_nodes(HighOrderMesh& mesh, const SplitPlace& place, const PinchedEdge& edge);
+
+}  // namespace varimesh
