@@ -71,6 +71,7 @@ int mesh(Arguments arguments) {
     return kInterrupted;
   }
   if (!made) return print_error(made.error());
+  input.model = *made;
   if (limit > 0) arguments.run.options.set_time_limit(std::max(kLeastSeconds, limit - watch.seconds()));
   return curve(arguments.run);
 }

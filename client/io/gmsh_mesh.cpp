@@ -38,9 +38,9 @@ std::vector<std::string> lines_of(const std::filesystem::path& log) {
   return lines;
 }
 
-/// What gmsh read, and what the user calls it.
+/// What gmsh reads and writes, and what the user calls it.
 struct Names {
-  std::filesystem::path link, script;
+  std::filesystem::path link, script, pieces;
   std::string model;
 };
 
@@ -65,6 +65,39 @@ std::string said(const std::filesystem::path& log, const Names& names) {
   std::string text;
   for (const std::string& line : errors.empty() ? lines : errors) text += (text.empty() ? "" : " | ") + line;
   return text.empty() ? " It printed nothing." : " It printed: " + as_named(text, names);
+}
+
+/// What the script says of a model that has only curves and points.
+constexpr std::string_view kNoFaces = "has neither bodies nor faces";
+
+/// What to do after gmsh has failed, by what it printed.
+std::string_view advice(std::string_view printed) {
+  struct Advice {
+    std::string_view word, text;
+  };
+  constexpr std::string_view kCrossing =
+      " The mesh of its surfaces crosses itself. Try half the --size or a larger --per-turn; if that does not help, "
+      "mend the model at the surfaces that gmsh names, and export it again.";
+  constexpr std::array<Advice, 8> kKnown{{
+      {"Could not read", " The file is damaged or cut off, or not what its name says; export it again."},
+      {kNoFaces, " Export the model as solids or surfaces."},
+      {"overlapping facets", kCrossing},
+      {"ntersect", kCrossing},  // "Self-intersecting", "intersect"
+      {"oolean", " Cutting its bodies where they touch has failed; try '--bodies separate'."},
+      {"closed loop",
+       " The edges of a surface do not close; close it in the program that made the model, and export it again."},
+      {"recover",
+       " Try another --size or a larger --per-turn; if that does not help, look for slivers and gaps in the model."},
+      {"", " Try another --size or --per-turn; if that does not help, check the model and export it again."},
+  }};
+  return std::ranges::find_if(kKnown, [&](const Advice& known) { return printed.find(known.word) != printed.npos; })
+      ->text;
+}
+
+/// What gmsh printed, and what to do.
+std::string reason(const std::filesystem::path& log, const Names& names) {
+  const Names unnamed{names.link, names.script, names.pieces, "the model"};  // the user's name has no say in the advice
+  return std::string(advice(said(log, unnamed))) + said(log, names);
 }
 
 /// What gmsh does now: "Meshing surface 3 (Cylinder, Frontal-Delaunay)".
@@ -92,12 +125,20 @@ bool link_or_copy(const std::filesystem::path& model, const std::filesystem::pat
   return !failed || std::filesystem::copy_file(model, link, failed);
 }
 
-/// A script that makes gmsh read the model and, if it has several bodies or only faces, cut them where they touch.
-bool write_script(const std::filesystem::path& script, const std::filesystem::path& model) {
-  std::ofstream file(script);
-  file << "SetFactory(\"OpenCASCADE\");\nMerge \"" << model.filename().string()
-       << "\";\nbodies() = Volume{:};\nfaces() = Surface{:};\nIf (#bodies() > 1 || (#bodies() == 0 && #faces() > 1))\n"
-          "  Coherence;\nEndIf\n";
+/// A script that makes gmsh read the model. If it is wanted, and there are several bodies, or faces that bound none, it
+/// cuts them where they touch and writes the pieces.
+bool write_script(const Names& names, bool joins_bodies) {
+  std::ofstream file(names.script);
+  file
+      << "SetFactory(\"OpenCASCADE\");\nMerge \"" << names.link.filename().string()
+      << "\";\nbodies() = Volume{:};\nfaces() = Surface{:};\nIf (#bodies() == 0 && #faces() == 0)\n  Error(\"The model "
+      << kNoFaces << "\");\n  Abort;\nEndIf\n";
+  // Coherence fails if a face lies on a body without being one of its sides, and the other command takes longer.
+  if (joins_bodies)
+    file << "sides() = {};\nIf (#bodies() > 0)\n  sides() = Abs(Boundary{ Volume{:}; });\nEndIf\n"
+            "faces() -= sides();\nIf (#bodies() + #faces() > 1)\n  If (#faces() == 0)\n    Coherence;\n  Else\n"
+            "    BooleanFragments{ Volume{:}; Delete; }{ Surface{:}; Delete; }\n  EndIf\n  Save \""
+         << names.pieces.filename().string() << "\";\nEndIf\n";
   return file.flush().good();
 }
 
@@ -108,8 +149,8 @@ std::string how(const ProgramEnd& end) {
 
 }  // namespace
 
-Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,
-                              const std::filesystem::path& mesh) {
+Expected<std::string> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,
+                                     const std::filesystem::path& mesh) {
   const std::string gmsh = find_program("gmsh");
   if (gmsh.empty())
     return bad_option(
@@ -120,22 +161,16 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
   // A link with an ending that gmsh knows. It never looks like an option, and no character of the model's path means
   // something in a script that names it.
   const std::filesystem::path model = std::filesystem::absolute(options.model, failed);
-  const Names names{folder / ("model" + ending_of(model)), folder / "bodies.geo", options.model};
-  if (!link_or_copy(model, names.link) || (options.joins_bodies && !write_script(names.script, names.link)))
+  const Names names{folder / ("model" + ending_of(model)), folder / "bodies.geo", folder / "pieces.brep",
+                    options.model};
+  if (!link_or_copy(model, names.link) || !write_script(names, options.joins_bodies))
     return tl::unexpected<Error>(
         {Error::Kind::Output, "No file can be written in '" + folder.string() + "'; make room."});
-  std::vector<std::string> arguments{(options.joins_bodies ? names.script : names.link).string(),
-                                     "-3",
-                                     "-order",
-                                     "1",
-                                     "-format",
-                                     "msh41",
-                                     "-bin",
-                                     "-save_all",
-                                     "-nopopup"};
+  std::vector<std::string> arguments{names.script.string(), "-3", "-order", "1", "-bin", "-save_all", "-nopopup"};
   const auto set = [&](const char* name, double value) {
     arguments.insert(arguments.end(), {"-setnumber", name, fmt::format("{}", value)});
   };
+  set("Mesh.MshFileVersion", 4.1);  // with "-format msh41", Save would write a mesh
   set("Mesh.MeshSizeMax", options.size);
   if (options.elements_per_turn > 0) set("Mesh.MeshSizeFromCurvature", options.elements_per_turn);
   arguments.insert(arguments.end(), {"-o", made.string()});
@@ -154,10 +189,10 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
   if (end.way == ProgramEnd::Way::NotStarted)
     return bad_option("'" + gmsh + "' cannot be started (" + std::system_category().message(end.status) + ").");
   if (end.way != ProgramEnd::Way::Exited || end.status != 0)
-    return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + said(log, names));
+    return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + reason(log, names));
   std::filesystem::rename(made, mesh, failed);
-  if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + said(log, names));
-  return {};
+  if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + reason(log, names));
+  return std::filesystem::is_regular_file(names.pieces, failed) ? names.pieces.string() : options.model;
 }
 
 }  // namespace varimesh::client

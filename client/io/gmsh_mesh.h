@@ -27,7 +27,10 @@ struct GmshOptions {
 /// or takes too long; an empty sentence if this command was interrupted.
 /// @param folder for the files that gmsh writes
 /// @param mesh   where the mesh goes, as MSH 4.1
-Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,
-                              const std::filesystem::path& mesh);
+/// @return the model to which the mesh belongs: if gmsh has cut bodies, a BREP file of the pieces in the folder; else
+/// that
+///         of the options
+Expected<std::string> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,
+                                     const std::filesystem::path& mesh);
 
 }  // namespace varimesh::client

@@ -334,9 +334,11 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
   if (*geometry && is_surface((*file)->mesh) && !lies_in_a_plane((*file)->mesh))
-    return bad_input(
-        "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
-        "--server.");
+    return bad_input((*geometry)->order > 0
+                         ? "The mesh is a surface in space, and only meshes of bodies and of planes are curved. Close "
+                           "the faces of the model to a body, and export it again."
+                         : "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise "
+                           "--geometry' without --server.");
   auto checked = check_mesh(std::move((*file)->mesh), request.quality ? CheckFor::Judging : CheckFor::Optimising,
                             Team(request.options.threads));
   if (!checked) return tl::unexpected(checked.error());

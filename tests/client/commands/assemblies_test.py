@@ -24,6 +24,7 @@ ASSEMBLIES = {
     "a ball in a box": ["Box(-2,-2,-2, 4,4,4)|Sphere(0,0,0, 1)", "Sphere(0,0,0, 1)"],
     "five boxes": ["Box(0,0,0, 1,1,1)", "Box(1,0,0, 1,1,1)", "Box(0,1,0, 1,1,1)", "Box(1,1,0, 1,1,1)",
                    "Box(.5,.5,1, 1,1,1)"],
+    "bodies that cross": ["Box(0,0,0, 3,2,1)", "Cylinder(1.5,1,.5, 0,0,2, .6)"],
     "a cone between cylinders": ["Cone(0,0,0, 0,0,1, 1.2,.7)", "Cylinder(0,0,1, 0,0,1, .7)", "Cylinder(0,0,-1, 0,0,1, 1.2)"],
 }
 
@@ -68,6 +69,32 @@ print(json.dumps([sum(count > 1 for count in outer.values()), float(off)]))
 """
 
 
+LOOSE = """
+import sys, gmsh
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+occ = gmsh.model.occ
+occ.addBox(0, 0, 0, 2, 2, 1)
+occ.addDisk(1, 1, 1, .6, .6)
+occ.synchronize()
+gmsh.write(sys.argv[1])
+"""
+
+# How many triangles lie where another one does.
+TWICE = """
+import sys, gmsh, numpy
+from collections import Counter
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.open(sys.argv[1])
+numbers, x, _ = gmsh.model.mesh.getNodes()
+place = dict(zip(map(int, numbers), map(tuple, numpy.round(numpy.reshape(x, (-1, 3)), 7))))
+seen = Counter(tuple(sorted(place[int(n)] for n in element[:3])) for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2))
+               for element in numpy.reshape(nodes, (-1, gmsh.model.mesh.getElementProperties(kind)[3])))
+print(sum(count > 1 for count in seen.values()))
+"""
+
+
 class Assemblies(WithFolder):
     def test_bodies_get_one_certified_mesh_on_the_model(self):
         out = self.folder / "out.msh"
@@ -81,10 +108,21 @@ class Assemblies(WithFolder):
                 self.assertEqual(done.returncode, 0, done.stderr)
                 count, valid = certified(done.stdout)
                 self.assertGreaterEqual(valid, count)
+                self.assertNotIn("it is not sure where they belong", done.stderr)
+                self.assertNotIn("belong to no entity", done.stderr)
                 checked = subprocess.run([PYTHON, "-c", CHECK, str(model), str(out)], check=True, capture_output=True)
                 doubled, off = json.loads(checked.stdout)
                 self.assertEqual(doubled, 0)
                 self.assertLess(off, 1e-9)
+
+    def test_a_face_that_lies_on_a_body_is_part_of_its_side(self):
+        # Whoever sweeps a face to a body often leaves the face in the file.
+        model, out = self.folder / "model.step", self.folder / "out.msh"
+        subprocess.run([PYTHON, "-c", LOOSE, str(model)], check=True, capture_output=True)
+        done = run("mesh", model, "--size", 0.8, "--per-turn", 10, "--order", 3, "--threads", 1, "-o", out, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        elements = subprocess.run([PYTHON, "-c", TWICE, str(out)], check=True, capture_output=True, text=True)
+        self.assertEqual(int(elements.stdout), 0)
 
 
 if __name__ == "__main__":

@@ -259,6 +259,26 @@ class Curve(WithFolder):
         self.assertEqual(done.returncode, 3)
         self.assertIn("It printed: " + " | ".join("Error   : " + line for line in said) + "\n", done.stderr)
 
+    def test_after_an_error_of_gmsh_it_says_what_to_do(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        for error, advice in (("Invalid boundary mesh (overlapping facets) on surface 42 surface 44", "half the --size"),
+                              ("1D mesh not forming a closed loop", "close it in the program that made the model"),
+                              ("BooleanFragments failed", "--bodies separate"), ("No such luck", "export it again")):
+            done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out,
+                       env=self.fake_gmsh(f"echo 'Error   : {error}'\nexit 1\n"))
+            self.assertEqual(done.returncode, 3)
+            self.assertIn(advice, done.stderr)
+
+    def test_models_without_a_body_that_cannot_be_meshed_are_refused(self):
+        model = self.folder / "model.step"
+        for body, sentence in (("occ.addCircle(0, 0, 0, 1)", "Export the model as solids or surfaces."),
+                               ("occ.extrude([(1, occ.addCircle(0, 0, 0, 1))], 0, 0, 2)", "Close the faces of the model to a body")):
+            make(body, model)
+            done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out)
+            self.assertEqual(done.returncode, 3, done.stderr)
+            self.assertIn(sentence, done.stderr)
+
     def test_errors_of_gmsh_name_the_model(self):
         model = self.folder / "a sphere"  # without an ending
         make(BODIES["sphere"][0], self.folder / "sphere.step")
