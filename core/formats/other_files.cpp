@@ -27,8 +27,6 @@ constexpr std::string_view kMeshSurface =
     "make an STL file of it with: meshio convert FILE surface.stl; then mesh its inside with Gmsh (tutorial t13 of "
     "Gmsh)";
 constexpr std::string_view kGmshConverts = "convert it, for example with: gmsh FILE -save -format msh41 -o mesh.msh";
-constexpr std::string_view kNetcdf4 =
-    "write it in HDF5, with: nccopy -k netCDF-4 FILE mesh.exo (in Debian's package netcdf-bin)";
 constexpr std::string_view kVtu = "make a VTU file of it, for example with: meshio convert FILE mesh.vtu";
 constexpr std::string_view kMeshioConverts =
     "convert it, for example with: meshio convert FILE mesh.msh --output-format gmsh; better, give VariMesh the MSH "
@@ -48,9 +46,6 @@ constexpr std::array kOtherFiles{
     OtherFile{kObj, "an OBJ file, which is a surface of flat facets and not a volume mesh", kMeshSurface},
     OtherFile{"@(#)ADF Database"sv, "a CGNS file of the old kind, ADF",
               "convert it to HDF5, with: adf2hdf FILE mesh.cgns"},
-    OtherFile{"CDF\x01"sv, "a NetCDF file of the old kind, such as Exodus", kNetcdf4},
-    OtherFile{"CDF\x02"sv, "a NetCDF file of the old kind, such as Exodus", kNetcdf4},
-    OtherFile{"CDF\x05"sv, "a NetCDF file of the old kind, such as Exodus", kNetcdf4},
     OtherFile{"\x1f\x8b"sv, "a compressed file", "uncompress it with: gunzip FILE"},
     OtherFile{"PK\x03\x04"sv, "a ZIP archive", "unpack it with: unzip FILE"},
 };

@@ -1,5 +1,5 @@
-// varimesh_hdf5: reads a mesh from an HDF5 file, or writes one, in a process of its own, so that a damaged or hostile
-// file harms only this process. core/formats/hdf5/process.cpp starts it.
+// varimesh_hdf5: reads a mesh from an HDF5 file or an older netCDF file, or writes an HDF5 file, in a process of its
+// own, so that a damaged or hostile file harms only this process. core/formats/hdf5/process.cpp starts it.
 //
 //   varimesh_hdf5 read|write SECONDS BYTES
 //
@@ -28,6 +28,7 @@
 #include "core/hdf/library/file.h"
 #include "core/hdf/library/types.h"
 #include "core/hdf/library/writer.h"
+#include "core/hdf/netcdf/classic.h"
 #include "core/hdf/pyfr/pyfr.h"
 #include "core/hdf/read_content.h"
 #include "core/process/sandbox.h"
@@ -67,7 +68,9 @@ void read(const Order& order, Incoming& from, Outgoing& to) {
   UntouchedVector<char> bytes(std::size_t(std::max<std::int64_t>(0, order.bytes)));
   from.get(bytes);
   formats::FileAllowance allowance(bytes.size());
-  formats::MeshFile file = formats::read_hdf5_content(*hdf::open_file(bytes), allowance);
+  const bool is_netcdf = std::string_view(bytes.data(), bytes.size()).starts_with("CDF");
+  const auto source = is_netcdf ? formats::open_netcdf({bytes.data(), bytes.size()}) : hdf::open_file(bytes);
+  formats::MeshFile file = formats::read_hdf5_content(*source, allowance);
   to.value(Answer{Outcome::Done, file.format, 0});
   formats::hdf5::send_mesh(std::move(file.mesh), to);
 }

@@ -1,4 +1,4 @@
-// Finds out which program wrote an HDF5 file, and reads the file as its format has it.
+// Finds out which program wrote an HDF5 or netCDF file, and reads the file as its format has it.
 #include "core/hdf/read_content.h"
 
 #include "core/hdf/cgns/cgns.h"
@@ -25,7 +25,7 @@ MeshFile read_hdf5_content(Hdf5Source& source, FileAllowance& allowance) {
   if (root.find("eles") != nullptr || root.find("mesh_uuid") != nullptr || root.find("mesh-uuid") != nullptr)
     return is("a mesh or a solution of PyFR, which VariMesh only writes",
               "give VariMesh the MSH file from which pyfr import made it");
-  return is("an HDF5 file, but no mesh of HOPR, CGNS or Exodus",
+  return is("an HDF5 or netCDF file, but no mesh of HOPR, CGNS or Exodus",
             "convert it, for example with: meshio convert FILE mesh.msh --output-format gmsh");
 }
 

@@ -1,6 +1,7 @@
 #include "core/formats/hdf5/hdf5.h"
 
 #include <algorithm>
+#include <array>
 #include <new>
 
 #include "core/formats/common/file_allowance.h"
@@ -74,7 +75,10 @@ void write(const HighOrderMesh& mesh, Format format, const Sink& sink, const Tea
 
 }  // namespace
 
-bool begins_like_hdf5(std::string_view bytes) { return bytes.starts_with("\x89HDF\r\n\x1a\n"sv); }
+bool begins_like_hdf5(std::string_view bytes) {
+  constexpr std::array kBegins = {"\x89HDF\r\n\x1a\n"sv, "CDF\x01"sv, "CDF\x02"sv, "CDF\x05"sv};
+  return std::ranges::any_of(kBegins, [&](std::string_view begin) { return bytes.starts_with(begin); });
+}
 
 Expected<MeshFile> read_hdf5(std::string_view bytes, const Team& team) {
   const auto size = std::int64_t(bytes.size());

@@ -10,7 +10,7 @@
 
 namespace varimesh::formats {
 
-/// Whether the bytes begin like an HDF5 file.
+/// Whether the bytes begin like an HDF5 file, or like a netCDF file of an older kind, which the program reads as well.
 bool begins_like_hdf5(std::string_view bytes);
 
 /// Reads a mesh of HOPR or a CGNS file. What the program answers is checked (mesh_bytes.h). Throws ReadFailure and
