@@ -123,9 +123,12 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
 }
 
 /// Has the writers give elements that came at a lower order than others their own order again.
-void keep_orders(HighOrderMesh& mesh, const RunHooks& hooks) {
-  if (!formats::keep_orders(mesh) && hooks.on_note)
-    hooks.on_note("No element came at a lower order than others, so there are no orders to keep.");
+void keep_orders(HighOrderMesh& mesh, int order, const RunHooks& hooks) {
+  const bool has_lower = formats::keep_orders(mesh), changes = order != 0 && order != mesh.order;
+  if (!hooks.on_note || (has_lower && !changes)) return;
+  hooks.on_note(has_lower ? "No element keeps its own order, because all get order " + std::to_string(order) +
+                                ". Without an order for the result, they keep it."
+                          : "No element came at a lower order than others, so there are no orders to keep.");
 }
 
 /// The summary of a run that was stopped before it had a mesh.
@@ -329,7 +332,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (!*file) return RunOutcome(stopped_early());
   for (const std::string& note : formats::reading_notes((*file)->mesh))
     if (hooks.on_note) hooks.on_note(note);
-  if (request.keep_orders) keep_orders((*file)->mesh, hooks);
+  if (request.keep_orders) keep_orders((*file)->mesh, request.options.order, hooks);
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 

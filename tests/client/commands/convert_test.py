@@ -150,6 +150,9 @@ class Convert(WithFolder):
                       run("optimise", bent, "-o", out, "--keep-orders").stderr)
         self.assertIn("has no such elements beside others", run("optimise", two, "-o", mfem, "--keep-orders").stderr)
         self.assertIn("so there are no orders to keep", run("optimise", MESH, "-o", out, "--keep-orders").stderr)
+        self.assertIn("No element keeps its own order, because all get order 3. Without an order for the result, they keep it.",
+                      run("optimise", two, "-o", out, "--keep-orders", "--order", "3").stderr)
+        self.assertNotIn("keeps its own", run("optimise", two, "-o", out, "--keep-orders", "--order", "2").stderr)
 
     def test_a_format_that_contradicts_the_ending_is_refused(self):
         for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):
