@@ -80,8 +80,8 @@ tl::unexpected<Failure> no_server(const std::shared_ptr<grpc::Channel>& channel,
 /// Waits for the first contact.
 Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::string& address, bool encrypted,
                    const Settings& settings) {
-  constexpr auto kLook = std::chrono::milliseconds(100), kBeforeListening = std::chrono::milliseconds(500),
-                 kSure = std::chrono::milliseconds(900),  // a server that is being started may need so long
+  constexpr auto kLook = std::chrono::milliseconds(50), kBeforeListening = std::chrono::milliseconds(400),
+                 kSure = std::chrono::milliseconds(700),  // a server that is being started may need so long
       kSlow = std::chrono::milliseconds(1000);
   const auto begin = std::chrono::steady_clock::now();
   bool has_listened = false, is_refused = false, speaks_tls = false, is_slow = false;
@@ -107,7 +107,8 @@ Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::str
       if (settings.on_slow_contact) settings.on_slow_contact();
     }
     if (is_refused && passed > kSure) {
-      if (heard_from(address, kLook, [&] { return settings.wants_to_stop(); }) == Spoken::Refused)
+      if (heard_from(address, std::chrono::milliseconds(100), [&] { return settings.wants_to_stop(); }) ==
+          Spoken::Refused)
         return no_server(channel, address, false);
       is_refused = false;
     }

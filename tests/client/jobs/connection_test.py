@@ -14,11 +14,15 @@ class Connection(WithFolder):
             port = taken.getsockname()[1]
         for address, named in ((f"127.0.0.1:{port}", f"127.0.0.1:{port}"), (f"https://127.0.0.1:{port}", f"127.0.0.1:{port}"),
                                (f"unix:{self.folder}/none", f"unix:{self.folder}/none")):
-            begin = time.monotonic()
-            done = run("jobs", "--server", address)
-            self.assertLess(time.monotonic() - begin, 2)
-            self.assertEqual(done.returncode, 5)
-            self.assertIn(f"There is no server at {named}; start varimeshd there", done.stderr)
+            took = []
+            for _ in range(3):  # other tests may hold the processors for once
+                begin = time.monotonic()
+                done = run("jobs", "--server", address)
+                took.append(time.monotonic() - begin)
+                self.assertEqual(done.returncode, 5)
+                self.assertIn(f"There is no server at {named}; start varimeshd there", done.stderr)
+            self.assertLess(min(took), 1)
+            self.assertLess(max(took), 2)
 
     def test_where_nobody_answers_that_is_said_soon(self):
         """As where packets are dropped: the connection is there, and nothing comes."""
