@@ -24,13 +24,17 @@ function draw(name, attributes = {}, ...children) {
   return node;
 }
 
+/** The text as children for make(), in which a line never breaks inside a flag such as --min-js. */
+function prose(text) {
+  return text.split(/(--[a-z][a-z-]*[a-z])/).map((part, i) => (i % 2 ? make('span', {class: 'flag'}, part) : part));
+}
+
 /** A table with a caption. Rows are arrays of cells, and a cell is text, a node, or {text, value, class}. */
 function table(caption, head, rows) {
   const cell = (content, name, scope) => {
-    if (content === null || typeof content !== 'object' || content instanceof Node) {
-      return make(name, {scope}, content ?? '');
-    }
-    return make(name, {class: content.class, 'data-value': content.value, scope}, content.text);
+    if (content instanceof Node) return make(name, {scope}, content);
+    const {text, ...attributes} = content !== null && typeof content === 'object' ? content : {text: content};
+    return make(name, {class: attributes.class, 'data-value': attributes.value, scope}, ...prose(String(text ?? '')));
   };
   const body = rows.map((row) => make('tr', {}, ...row.map((one, i) => cell(one, i ? 'td' : 'th', i ? undefined : 'row'))));
   const heads = make('tr', {}, ...head.map((one) => cell(one, 'th', 'col')));

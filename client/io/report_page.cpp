@@ -261,7 +261,8 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   Report report;
   report.title = input.empty() ? job.name() : title_of(input);
   report.document = document(job.metrics());
-  for (const std::string& text : {objective_text(job.metrics(), job.spec().options()), worse_text(job.metrics())})
+  for (const std::string& text :
+       {done_text(job.metrics()), objective_text(job.metrics(), job.spec().options()), worse_text(job.metrics())})
     if (!text.empty()) report.document["aims"].push_back(text);
   if (job.metrics().layers().has_thick()) add_layers_text(job.metrics().layers(), report);
   for (const auto& [snapshot, quality] :

@@ -16,8 +16,8 @@ namespace varimesh::client {
 namespace {
 
 std::string sizes(int dimension, int order, std::int64_t elements, std::int64_t nodes, std::int64_t free_nodes) {
-  return fmt::format("{}-D mesh of order {}: {} elements, {} nodes, {} of them free\n", dimension, order, elements,
-                     nodes, free_nodes);
+  return fmt::format("{}-D mesh of order {}: {} elements, {} nodes, {} of them free to move\n", dimension, order,
+                     elements, nodes, free_nodes);
 }
 
 std::string sizes(const MeshSummary& mesh, bool is_surface) {
@@ -54,6 +54,10 @@ std::string histogram(const QualityReport& quality) {
                           static_cast<double>(line + 1) / 10.0, count);
   }
   return text;
+}
+
+std::string iterations_text(const v1::Metrics& metrics) {
+  return fmt::format("{} {}", metrics.iterations(), metrics.iterations() == 1 ? "iteration" : "iterations");
 }
 
 /// Why the run ended.
@@ -106,32 +110,38 @@ const v1::QualityReport& at_end_of_run(const v1::Metrics& metrics) {
   return metrics.layers().has_thick() ? metrics.layers().thick() : metrics.after();
 }
 
+/// What the figures mean, for those who see them for the first time.
+constexpr const char *kOfLoss = "  of a solver; 0 is best", *kOfJacobian = "  1 is best; 0 or less: invalid",
+                     *kOfProof = "  no element has less";
+
 /// A table of the quality before and after, and with layers if there are some.
 std::string figures(const v1::Metrics& metrics) {
   std::vector<std::pair<std::string, const v1::QualityReport*>> columns{{"before", &metrics.before()},
                                                                         {"after", &at_end_of_run(metrics)}};
   if (metrics.layers().has_thick()) columns.emplace_back("layers", &metrics.after());
-  const auto row = [&](const char* name, const auto& text_of) {
+  const auto row = [&](const char* name, const auto& text_of, const char* meaning = "") {
     std::string line = fmt::format("{:<24}", name);
     for (const auto& [heading, quality] : columns) line += fmt::format("  {:>10}", text_of(*quality));
-    return line + "\n";
+    return line + (columns.size() == 2 ? meaning : "") + "\n";  // with layers, a terminal has no room for it
   };
   const auto number = [](double value) { return fmt::format("{:.5f}", value); };
-  const std::string losses = row("loss of accuracy", loss_text);
+  const std::string losses = row("loss of accuracy", loss_text, kOfLoss);
   const bool has_loss = metrics.after().has_accuracy();  // then it is the first figure
   std::string heads = std::string(24, ' ');
   for (const auto& [heading, quality] : columns) heads += fmt::format("  {:>10}", heading);
   using Report = const v1::QualityReport&;
   return heads + "\n" + (has_loss ? losses : "") +
-         row("smallest scaled Jacobian", [&](Report of) { return number(of.min_scaled_jacobian()); }) +
+         row(
+             "smallest scaled Jacobian", [&](Report of) { return number(of.min_scaled_jacobian()); }, kOfJacobian) +
          row("mean scaled Jacobian", [&](Report of) { return number(of.mean_scaled_jacobian()); }) +
          row("smallest distortion", [&](Report of) { return number(of.min_distortion_jacobian()); }) +
          row("invalid elements", [](Report of) { return of.invalid_elements(); }) +
          row("certified valid", [](Report of) { return of.certified().valid(); }) +
          row("certified invalid", [](Report of) { return of.certified().invalid(); }) +
          row("undecided", [](Report of) { return of.certified().undecided(); }) +
-         row("proved scaled Jacobian",
-             [](Report of) { return bound_text(of.certified().min_scaled_jacobian_lower_bound()); }) +
+         row(
+             "proved scaled Jacobian",
+             [](Report of) { return bound_text(of.certified().min_scaled_jacobian_lower_bound()); }, kOfProof) +
          (has_loss ? "" : losses);
 }
 
@@ -171,6 +181,14 @@ std::string lower_text(const v1::QualityReport& before, const v1::QualityReport&
 }
 
 }  // namespace
+
+std::string done_text(const v1::Metrics& metrics) {
+  const v1::MeshSummary& mesh = metrics.mesh();
+  const bool has_slid = metrics.geometry().nodes() > 0;
+  return fmt::format("{}{} of {} nodes were free to move{}; {}, {}.", has_slid ? "After boundary nodes slid, " : "",
+                     mesh.free_nodes(), mesh.nodes(), has_slid ? "" : ", and the boundary stayed as it was",
+                     iterations_text(metrics), ending(metrics));
+}
 
 std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked) {
   const v1::QualityReport &before = metrics.before(), &after = at_end_of_run(metrics);
@@ -245,7 +263,7 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
   const v1::MeshSummary& mesh = metrics.mesh();
   const std::string objective = objective_text(metrics, asked), worse = worse_text(metrics);
   return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
-         fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
+         fmt::format("{} in {:.3g} s, residual {:.3g}, {}\n", iterations_text(metrics), metrics.seconds(),
                      metrics.residual(), ending(metrics)) +
          objective + (objective.empty() ? "" : "\n") + verdict(metrics) + figures(metrics) + worse +
          (worse.empty() ? "" : "\n") + (metrics.layers().has_thick() ? layers_text(metrics.layers()) : "") +
@@ -260,16 +278,16 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
   std::string text =
       sizes(mesh, quality.is_surface) +
       fmt::format(
-          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
+          "smallest scaled Jacobian  {:>10.5f}{}\nmean scaled Jacobian      {:>10.5f}\n"
           "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
           "certified valid           {:>10}\ncertified invalid         {:>10}\n"
-          "undecided                 {:>10}\nproved scaled Jacobian    {:>10}\n"
-          "loss of accuracy          {:>10}\n"
+          "undecided                 {:>10}\nproved scaled Jacobian    {:>10}{}\n"
+          "loss of accuracy          {:>10}{}\n"
           "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
-          quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
+          quality.min_scaled_jacobian, kOfJacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
           quality.invalid_elements, quality.certified.valid, quality.certified.invalid, quality.certified.undecided,
-          bound_text(quality.certified.min_scaled_jacobian_lower_bound),
-          quality.accuracy ? fmt::format("{:.3g}", quality.accuracy->loss) : "-", quality.lattice_intervals) +
+          bound_text(quality.certified.min_scaled_jacobian_lower_bound), kOfProof,
+          quality.accuracy ? fmt::format("{:.3g}", quality.accuracy->loss) : "-", kOfLoss, quality.lattice_intervals) +
       histogram(quality);
   if (!quality.clockwise.empty())
     text += clockwise_text(quality.clockwise, static_cast<std::size_t>(mesh.elements), mesh.dimension) +

@@ -12,6 +12,8 @@ namespace varimesh::client {
 /// The result of an optimisation: the mesh, how it went, the quality before and after, and what cannot be repaired.
 /// `asked`: the options of the job, which say why it had its objective.
 std::string summary(const v1::Metrics& metrics, const v1::Options& asked);
+/// What was done, for a report: how many nodes could move, and how the run ended.
+std::string done_text(const v1::Metrics& metrics);
 /// The objective, why a run that was not told had it, and its figure before and after: "objective: accuracy; loss of
 /// accuracy 0.00648 -> 0.00579". `asked`: the options of the job. Empty if the server is older and names no objective.
 std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked);

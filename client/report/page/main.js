@@ -3,7 +3,7 @@
 /** A section with a heading, added to the page. */
 function addSection(id, title, note) {
   const section = make('section', {id}, make('h2', {}, title));
-  if (note) section.append(make('p', {class: 'quiet small'}, note));
+  if (note) section.append(make('p', {class: 'quiet small'}, ...prose(note)));
   document.getElementById('main').append(section);
   return section;
 }
@@ -12,8 +12,8 @@ function addHead(report) {
   const [kind, sentence] = verdict(report.document);
   document.title = `${report.title} – VariMesh report`;
   document.getElementById('head').append(
-      make('h1', {}, report.title), make('p', {class: `verdict ${kind}`}, sentence),
-      ...(report.document.aims ?? []).map((text) => make('p', {class: 'aim'}, text.replace(/^objective/, 'Objective').replace(/->/g, '→'))),
+      make('h1', {}, report.title), make('p', {class: `verdict ${kind}`}, ...prose(sentence)),
+      ...(report.document.aims ?? []).map((text) => make('p', {class: 'aim'}, ...prose(text.replace(/^objective/, 'Objective').replace(/->/g, '→')))),
       tiles(report.document));
 }
 
@@ -50,7 +50,7 @@ function addTables(report, {go, goToSurface}) {
     })));
   }
   if (report.document.layers_text) {
-    addSection('layers', 'Layers').append(...report.document.layers_text.map((line) => make('p', {}, line)));
+    addSection('layers', 'Layers').append(...report.document.layers_text.map((line) => make('p', {}, ...prose(line))));
   }
   if (report.document.notes) addSection('notes', 'Notes', report.document.notes.join(' '));
   if (report.document.substitute_targets) {

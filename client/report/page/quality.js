@@ -21,14 +21,16 @@ function tiles(document) {
   const [first, last] = [list[0][1], list.at(-1)[1]];
   const pair = (show, pick) => (list.length > 1 ? [make('small', {}, `${show(pick(first))} → `), show(pick(last))] : [show(pick(last))]);
   const tile = (name, ...content) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, ...content));
+  const explained = (node, meaning) => { node.append(make('dd', {class: 'meaning'}, meaning)); return node; };
   const {mesh} = document;
   const all = [
-    ...(last.accuracy ? [tile('Loss of accuracy', ...pair((one) => (one === undefined ? '–' : readable(one)), (one) => one.accuracy?.loss))] : []),
-    tile('Smallest scaled Jacobian', ...pair(jacobian, (one) => one.min_scaled_jacobian)),
+    ...(last.accuracy ? [explained(tile('Loss of accuracy', ...pair((one) => (one === undefined ? '–' : readable(one)), (one) => one.accuracy?.loss)),
+        'of a solver; 0 is best')] : []),
+    explained(tile('Smallest scaled Jacobian', ...pair(jacobian, (one) => one.min_scaled_jacobian)), '1 is best; 0 or less: invalid'),
     tile('Mean scaled Jacobian', ...pair(jacobian, (one) => one.mean_scaled_jacobian)),
     tile('Invalid elements', ...pair(grouped, (one) => one.invalid_elements)),
     tile('Certified valid', ...pair(grouped, (one) => one.certified.valid)),
-    tile('Mesh', grouped(mesh.elements), make('small', {}, ` elements of order ${mesh.order}, ${mesh.dimension}-D`)),
+    tile('Mesh', grouped(mesh.elements), make('small', {}, ` elements of order ${mesh.order}, ${mesh.dimension}\u2011D`)),
   ];
   if (document.iterations !== undefined) {
     all.push(tile('Iterations', grouped(document.iterations), make('small', {}, ` in ${duration(document.seconds)}`)));

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <sstream>
+#include <string>
+
 namespace varimesh::client {
 namespace {
 
@@ -50,6 +53,31 @@ TEST(ObjectiveText, SaysWhyAFigureIsWorseThanItWas) {
   EXPECT_EQ(worse_text(metrics_of(v1::OBJECTIVE_ENERGY, .1, .1001, .85)), "");
   EXPECT_NE(worse_text(metrics_of(v1::OBJECTIVE_WORST, .1, .2, .95)).find("the objective worst does not"),
             std::string::npos);
+}
+
+TEST(DoneText, SaysWhatCouldMoveAndHowTheRunEnded) {
+  v1::Metrics metrics;
+  metrics.mutable_mesh()->set_nodes(10);
+  metrics.mutable_mesh()->set_free_nodes(4);
+  metrics.set_iterations(3);
+  metrics.set_stop_reason(v1::STOP_REASON_TIME_LIMIT);
+  EXPECT_EQ(done_text(metrics),
+            "4 of 10 nodes were free to move, and the boundary stayed as it was; 3 iterations, not converged: ended by "
+            "the time limit.");
+  metrics.mutable_geometry()->set_nodes(5);
+  EXPECT_EQ(done_text(metrics).find("After boundary nodes slid, 4 of 10 nodes were free to move; 3"), 0U);
+}
+
+TEST(Summary, SaysWhatItsFiguresMeanInEightyColumns) {
+  v1::Metrics metrics = metrics_of(v1::OBJECTIVE_ACCURACY, .00648, .00579, .9);
+  metrics.mutable_before()->mutable_certified()->set_min_scaled_jacobian_lower_bound(-12345.12345);
+  const std::string text = summary(metrics, {});
+  for (const char* meaning :
+       {"0.00579  of a solver; 0 is best\n", "0.50000  1 is best; 0 or less: invalid\n", "  no element has less\n"})
+    EXPECT_NE(text.find(meaning), std::string::npos) << text;
+  const std::string table = text.substr(text.find("before"), text.find("no element has less") - text.find("before"));
+  std::istringstream lines(table);
+  for (std::string line; std::getline(lines, line);) EXPECT_LT(line.size(), 80U) << line;
 }
 
 }  // namespace

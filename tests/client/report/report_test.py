@@ -104,6 +104,10 @@ class Report(WithFolder):
         self.open(page)
         return json.loads(done.stdout)
 
+    def aims(self):
+        """What the page says was done, and to what end."""
+        return self.page.value("[...document.querySelectorAll('.aim')].map((one) => one.textContent).join(' ')")
+
     def check_bands(self):
         """Every phase has a shade of its own: a band without one would be black."""
         bands = self.page.value("[...document.querySelectorAll('#convergence .band')].map((one) => getComputedStyle(one).fill)")
@@ -116,7 +120,8 @@ class Report(WithFolder):
     def test_shows_a_mesh_in_two_dimensions_as_curves(self):
         document = self.optimise(CASES / "nine_triangles.msh", "--energy", "winslow")
         self.check_numbers(document)
-        self.assertIn("Objective: energy, because --energy is given", self.page.value("document.querySelector('.aim').textContent"))
+        self.assertIn("Objective: energy, because --energy is given", self.aims())
+        self.assertRegex(self.aims(), r"^\d+ of \d+ nodes were free to move, and the boundary stayed as it was; \d+ iterations, converged\.")
         self.assertEqual(self.page.value("document.querySelectorAll('#pictures svg.drawing').length"), 2)
         # Before the optimisation, only the two edges at the bottom are curved; after it, the inner edges are too.
         outline = self.page.value("document.querySelector('#pictures .outline').getAttribute('d')")
@@ -273,6 +278,20 @@ class Report(WithFolder):
                 texts.some(([other, its]) => other !== one && over(box, its))).map(([one]) => one.textContent);
         })"""), [], "names of axes lie beside the numbers")
         self.assertEqual(self.page.errors, [])
+
+    def test_never_breaks_a_line_inside_a_flag(self):
+        self.optimise(CASES / "aerofoil_p4.msh", "--tolerance", "1e-4")  # the summary says why this is the energy's optimum
+        self.assertIn("--objective accuracy", self.aims())
+        flags = "[...document.querySelectorAll('.flag')]"
+        self.page.value("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+        for width in range(320, 560, 20):
+            self.page.look(width, 844)
+            self.page.value("new Promise((done) => setTimeout(done, 50))")
+            broken = flags + ".filter((one) => one.getClientRects().length > 1).map((one) => one.textContent)"
+            self.assertEqual(self.page.value(broken), [], width)
+        shown = re.findall("--[a-z][a-z-]+", self.page.value("document.body.innerText"))
+        self.assertGreater(len(shown), 10)
+        self.assertEqual(self.page.value(flags + ".length"), len(shown))
 
     def test_is_refused_if_it_cannot_be_written(self):
         done = run("quality", CASES / "nine_triangles.msh", "--report", self.folder / "none" / "report.html")
