@@ -70,8 +70,8 @@ std::string iteration_text(const v1::Iteration& iteration, const std::string& ba
   const std::string head = fmt::format("{} {:>4}", spelled(iteration.phase()), iteration.number());
   const std::string residual = fmt::format("  residual {:.2e}", iteration.residual());
   const std::string quality =
-      (is_of_a_trial(iteration) ? std::string(16, ' ')
-                                : fmt::format("  min Js {:>7.4f}", iteration.min_scaled_jacobian())) +
+      (is_of_a_trial(iteration) ? std::string(19, ' ')
+                                : fmt::format("  min Js <= {:>7.4f}", iteration.min_scaled_jacobian())) +
       fmt::format("  not certified {}", iteration.left_elements());
   const std::string groups = groups_left(iteration), seconds = fmt::format("  {:.1f} s", iteration.seconds());
   const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;

@@ -76,10 +76,11 @@ TEST(Progress, LeavesOutWholeFiguresInNarrowTerminals) {
   iteration.set_seconds(1234.5);
   const std::string bar = "[####............] ", left = "  12 min left";
   EXPECT_EQ(iteration_text(iteration, bar, left, 200),
-            bar + "untangle 12345  residual 3.79e-02  min Js -0.5000  not certified 123456  1234.5 s  10/s" + left);
+            bar + "untangle 12345  residual 3.79e-02  min Js <= -0.5000  not certified 123456  1234.5 s  10/s" + left);
   EXPECT_EQ(iteration_text(iteration, bar, left, 79),
-            "untangle 12345  min Js -0.5000  not certified 123456  1234.5 s" + left);
-  EXPECT_EQ(iteration_text(iteration, bar, "", 79), "untangle 12345  min Js -0.5000  not certified 123456  1234.5 s");
+            "untangle 12345  min Js <= -0.5000  not certified 123456  1234.5 s" + left);
+  EXPECT_EQ(iteration_text(iteration, bar, "", 79),
+            "untangle 12345  min Js <= -0.5000  not certified 123456  1234.5 s");
   for (std::size_t width = 10; width < 120; ++width) {
     const std::string text = iteration_text(iteration, bar, left, width);
     EXPECT_LE(text.size(), width);
@@ -95,8 +96,8 @@ TEST(Progress, ShowsNoFigureOfAMeshThatWouldNotBeHandedOut) {
     iteration.set_left_elements(left);
     return iteration_text(iteration, "", "", 200);
   };
-  EXPECT_NE(shown(0.25, 0, 0).find("min Js  0.2500  not certified 0"), std::string::npos);
-  EXPECT_NE(shown(-0.5, 2, 2).find("min Js -0.5000  not certified 2"), std::string::npos);
+  EXPECT_NE(shown(0.25, 0, 0).find("min Js <=  0.2500  not certified 0"), std::string::npos);
+  EXPECT_NE(shown(-0.5, 2, 2).find("min Js <= -0.5000  not certified 2"), std::string::npos);
   EXPECT_EQ(shown(-0.5, 3, 2).find("min Js"), std::string::npos) << "a trial, from which cells would go back";
   EXPECT_EQ(shown(-0.5, 0, 0).find("min Js"), std::string::npos) << "the cells were certified before the last sweeps";
   EXPECT_EQ(shown(-0.5, 3, 2).size(), shown(-0.5, 2, 2).size()) << "the columns stay";
