@@ -42,7 +42,6 @@ function copyable(title, text) {
 /** What the texts do not say, of what a run with this spec does; empty if they say all. `model`: the fields for a model; may be null. */
 function notInTexts(spec, model) {
   const parts = [spec.options?.targetField && 'the target field', spec.priority && 'the priority', spec.webhook && 'the webhook',
-    spec.keepOrders && 'the orders of elements',
     spec.geometry && !model && 'the sliding of boundary nodes'].filter(Boolean);
   return parts.length ? [make('p', {class: 'quiet small'}, `The next run keeps ${parts.join(', ')} of this job, which these texts do not have.`)] : [];
 }

@@ -77,11 +77,11 @@ async function geometryFields(job, order, signal) {
 }
 
 /** The spec of the next run: all that the last one had, but for what the form shows. */
-async function nextSpec(job, form, model, layers) {
+async function nextSpec(job, form, model, layers, keepOrders) {
   const {quality, labels, outputs = [], ...rest} = job.spec;
   const own = quality ? [] : outputs.filter((format) => !PICTURE_FORMATS.includes(format));
   const options = form.options();
-  return {...rest, labels, options, layers: layers.spec(options), outputs: [...(own.length ? own : ['MESH_FORMAT_UNSPECIFIED']), ...PICTURE_FORMATS],
+  return {...rest, labels, options, keepOrders: keepOrders.value, layers: layers.spec(options), outputs: [...(own.length ? own : ['MESH_FORMAT_UNSPECIFIED']), ...PICTURE_FORMATS],
     geometry: model ? await model.spec() : rest.geometry};
 }
 
@@ -90,7 +90,9 @@ async function runForm(job, order, groups, signal) {
   const {options, layers: before} = job.spec;
   const [schemas, model] = await Promise.all([schemasOfMessages(), geometryFields(job, order, signal)]);
   signal.throwIfAborted();
-  const form = new OptionForm(schemas, before?.spacing ? {...options, layerSpacing: before.spacing} : options ?? {});
+  const keepOrders = new OptionField('keepOrders', schemas['varimesh.v1.JobSpec'].properties.keepOrders, schemas);
+  keepOrders.value = job.spec.keepOrders;
+  const form = new OptionForm(schemas, before?.spacing ? {...options, layerSpacing: before.spacing} : options ?? {}, [keepOrders]);
   const spacing = form.fields.find(({name}) => name === 'layerSpacing');
   const layers = new LayerFields(schemas, before ?? {}, groups, spacing);
   modelField = model;
@@ -98,7 +100,7 @@ async function runForm(job, order, groups, signal) {
   const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
   const node = make('form', {}, form.node, layers.node, ...(model ? [model.node] : []), make('div', {class: 'controls'}, start));
   const run = async () => {
-    const {name} = await submitSpec(await nextSpec(job, form, model, layers));
+    const {name} = await submitSpec(await nextSpec(job, form, model, layers, keepOrders));
     if (!signal.aborted) location.hash = `#/${name}`;
   };
   node.addEventListener('submit', async (event) => {
@@ -107,7 +109,7 @@ async function runForm(job, order, groups, signal) {
     await run().catch((error) => tell(error.message, true));
     start.disabled = false;
   });
-  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields.filter((field) => field !== spacing), layers, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
+  section.append(node, commandTexts(meshFileOf(job), node, [...form.fields.filter((field) => field !== spacing), keepOrders, layers, ...(model ? [model] : [])], Boolean(model?.straight)), ...notInTexts(job.spec, model));
 }
 
 /** Draws the mesh, or both meshes. Returns the mesh that the job was made for. */

@@ -1,6 +1,7 @@
 // The mesh of a running job, which moves while somebody looks at the page.
 
 const MOVES_EVERY = 1;  // seconds between two looks at the mesh
+const LOOKS_UNTIL_A_WORD = 15;  // looks at a job that runs and shows nothing
 
 /** Asks for the mesh of a job (GET /v1/jobs/ID/mesh); null: there is nothing to see now. */
 async function meshOnTheWay(name, signal) {
@@ -9,6 +10,8 @@ async function meshOnTheWay(name, signal) {
   const bytes = new Uint8Array(await answer.arrayBuffer());
   return new MeshCells(readMesh(bytes), readQuality(bytes));
 }
+
+const runs = async (name, signal) => (await getJob(name, signal)).state === 'JOB_STATE_RUNNING' && !signal.aborted;
 
 /** The section with the mesh as it is now. */
 class MovingMesh {
@@ -27,6 +30,11 @@ class MovingMesh {
     this.views = (scene.dimension === 2 ? pictures2d : pictures3d)(section, scene, arrays, table, [], []);
   }
 
+  /** Says why there is no picture. */
+  explain() {
+    this.place.replaceChildren(make('p', {class: 'quiet small'}, 'The mesh is shown when the job has ended: it has more than 100,000 nodes, or another server of the farm runs the job.'));
+  }
+
   remove() {
     this.views?.dispose?.();
     this.place.replaceChildren();
@@ -37,10 +45,12 @@ class MovingMesh {
 async function followMesh(name, place, signal) {
   const moving = new MovingMesh(place);
   signal.addEventListener('abort', () => moving.remove(), {once: true});
+  let looks = 0;
   while (!signal.aborted) {
     try {
       const cells = document.hidden ? null : await meshOnTheWay(name, signal);
       if (cells && !signal.aborted) moving.show(cells);
+      if (!document.hidden && !moving.views && ++looks === LOOKS_UNTIL_A_WORD && await runs(name, signal)) moving.explain();
     } catch (error) {
       if (!isPassing(error)) return;  // The page does without it; the curves go on.
     }

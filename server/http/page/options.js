@@ -89,6 +89,7 @@ class OptionField {
     const {value} = this;
     if (value === undefined) return [];
     if (this.name === 'orient') return [value ? '--orient' : '--keep-orientation'];
+    if (this.name === 'keepOrders') return value ? ['--keep-orders'] : [];
     if (this.ofNumbers) return [flagOf(this.name), value.join(',')];
     if (this.kind === 'list') return value.flatMap((one) => [flagOf(this.name), one]);
     if (this.kind === 'switch') return [flagOf(this.name), value ? 'on' : 'off'];
@@ -113,16 +114,16 @@ async function schemasOfMessages() {
   return knownDescription.components.schemas;
 }
 
-/** All options: four at once, the others behind a click. */
+/** All options: four at once, the others behind a click. `beside`: fields of the spec that stand with them. */
 class OptionForm {
-  constructor(schemas, options) {
+  constructor(schemas, options, beside = []) {
     const {properties} = schemas['varimesh.v1.Options'];
     const names = Object.keys(properties).filter((name) => !LEFT_OUT_OPTIONS.includes(name));
     this.fields = [...FIRST_OPTIONS, ...names.filter((name) => !FIRST_OPTIONS.includes(name))].map((name) => new OptionField(name, properties[name], schemas));
     this.kept = Object.fromEntries(LEFT_OUT_OPTIONS.filter((name) => options[name] !== undefined).map((name) => [name, options[name]]));
     for (const field of this.fields) field.value = options[field.name];
     const first = this.fields.slice(0, FIRST_OPTIONS.length);
-    const others = this.fields.slice(FIRST_OPTIONS.length);
+    const others = [...this.fields.slice(FIRST_OPTIONS.length), ...beside];
     this.node = make('div', {}, make('div', {class: 'options'}, ...first.map((field) => field.node)),
         make('details', {open: others.some((field) => field.value !== undefined)}, make('summary', {}, `All options (${others.length} more)`),
             make('div', {class: 'options'}, ...others.map((field) => field.node))));

@@ -57,6 +57,16 @@ class Form(WithPage):
         self.assertIn("-o nine_triangles-better.msh --layer-spacing even", self.text("#run pre"))
         self.assertIn('"nine_triangles-better.msh", layer_spacing="even")', self.text("#run .columns"))
 
+    def test_orders_are_kept(self):
+        self.open()
+        self.look_at(MESH)
+        self.set_field("option-keepOrders", "on")
+        self.assertIn("-o nine_triangles-better.msh --keep-orders", self.text("#run pre"))
+        self.assertIn('"nine_triangles-better.msh", keep_orders=True)', self.text("#run .columns"))
+        self.page.click("#run button", "Optimise")
+        self.page.wait("document.querySelector('#state')?.textContent.startsWith('optimise') && document.querySelector('#option-keepOrders')?.value === 'on'", 100)
+        self.assertIs(self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]["spec"]["keepOrders"], True)
+
     def test_layers_are_what_the_command_makes(self):
         self.open()
         self.look_at(MESH)

@@ -45,6 +45,19 @@ class Jobs(WithPage):
         # Of order 6, so that an iteration takes a while.
         self.watch_move(CASES / "pin_p3.msh", "document.querySelector('#moving .view canvas').toDataURL()", "--order", "6")
 
+    def test_a_mesh_that_does_not_move_is_explained(self):
+        """As if another server ran the job."""
+        self.open()
+        self.page.value("""(() => { const old = window.fetch;
+            window.fetch = (to, how) => String(to.url ?? to).endsWith('/mesh') ? Promise.resolve(new Response(null, {status: 204})) : old(to, how); })()""")
+        job = self.submit(LARGER, *ENDLESS)
+        self.page.value(f"location.hash = '#/jobs/{job}'; 1")
+        self.page.wait("/another server of the farm/.test(document.querySelector('#job')?.textContent)", 60)
+        self.ask("POST", f"/v1/jobs/{job}/cancel")
+        self.wait_for_state("cancelled")
+        self.assertNotIn("another server of the farm", self.text("#job"))
+        self.check_clean()
+
     def test_the_list_of_jobs(self):
         for _ in range(22):
             self.submit(MESH, "--time-limit", "5")
