@@ -58,6 +58,13 @@ Expected<void> check_listen_address(const std::string& address, const Protection
   return {};
 }
 
+Expected<void> check_https_address(const std::string& address, const Protection& protection) {
+  if (!protection.tls)
+    return bad_option("--https needs --tls-certificate and --tls-key; 'varimesh certificates' makes files to try it.");
+  if (is_unix_socket(address)) return bad_option("--https needs HOST:PORT, not the socket '" + address + "'.");
+  return check_listen_address(address, protection);
+}
+
 std::string peer_address(const std::string& peer) {
   const auto scheme = peer.find(':');
   const std::string kind = peer.substr(0, scheme);

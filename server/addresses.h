@@ -27,6 +27,9 @@ struct Protection {
 /// unix socket with TLS.
 Expected<void> check_listen_address(const std::string& address, const Protection& protection);
 
+/// The same for an address that is to be encrypted whatever it is.
+Expected<void> check_https_address(const std::string& address, const Protection& protection);
+
 /// Returns the address of a caller without its port, from gRPC's "ipv4:10.0.0.7:50312" or "ipv6:%5B::1%5D:50312";
 /// "unix" for a socket.
 std::string peer_address(const std::string& peer);

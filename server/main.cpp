@@ -25,6 +25,7 @@
 #include <fstream>
 #include <iostream>
 #include <string>
+#include <vector>
 
 #include "core/base/io/write_all.h"
 #include "core/base/machine_memory.h"
@@ -98,8 +99,10 @@ bool announce(const Server& server, const std::string& port_file) {
     spdlog::info("varimeshd {} listens on {}", varimesh::version(), address);
   if (const std::string& admin = server.admin_address(); !admin.empty())
     spdlog::info("the live page is at http://{}/", admin);
-  if (const std::string& http = server.http_address(); !http.empty())
+  if (const std::string http = server.http_address(); !http.empty())
     spdlog::info("calls over HTTP are answered at http://{0}/v1/, and a page for browsers is at http://{0}/", http);
+  if (const std::string https = server.https_address(); !https.empty())
+    spdlog::info("calls over HTTP are answered at https://{0}/v1/, and a page for browsers is at https://{0}/", https);
   if (const std::string& metrics = server.metrics_address(); !metrics.empty())
     spdlog::info("the metrics are at http://{}/metrics", metrics);
   return true;
@@ -122,15 +125,21 @@ bool is_for_this_machine(const ServerOptions& options) {
          !options.tls.are_mutual() && !options.asks_for_tokens();
 }
 
-/// Says who beyond this machine may use the server if that is more people than the user may think; empty: nobody.
-std::string warning_about(const ServerOptions& options) {
-  if (options.listen.empty()) return {};
+/// Says who beyond this machine may use an address of the server if that is more people than the user may think; empty:
+/// nobody.
+std::string warning_about(const std::string& address, bool encrypts, const ServerOptions& options) {
+  if (address.empty() || varimesh::server::is_loopback(address)) return {};
   const bool knows_callers = options.tls.are_mutual() || options.asks_for_tokens();
-  if (varimesh::server::is_loopback(options.listen)) return {};
-  const std::string who = "everybody who can reach " + options.listen + " can ";
-  if (!options.tls.are_given() && knows_callers) return who + "read and change what its clients send, their tokens too";
-  if (!options.tls.are_given()) return who + "use this server, and read and change what its clients send";
+  const std::string who = "everybody who can reach " + address + " can ";
+  if (!encrypts && knows_callers) return who + "read and change what its clients send, their tokens too";
+  if (!encrypts) return who + "use this server, and read and change what its clients send";
   return knows_callers ? "" : who + "use this server";
+}
+
+/// The same for all addresses.
+std::vector<std::string> warnings_about(const ServerOptions& options) {
+  return {warning_about(options.listen, options.tls.are_given(), options), warning_about(options.http, false, options),
+          warning_about(options.https, true, options)};
 }
 
 /// Makes or updates the tables of the database. Returns the exit status.
@@ -298,14 +307,15 @@ int main(int argc, char** argv) {
     is_lost = true;
     ::kill(::getpid(), SIGTERM);
   };
-  const std::string warning = warning_about(flags->options);
+  const std::vector<std::string> warnings = warnings_about(flags->options);
   const bool keeps_jobs = !flags->options.state.empty(), has_neighbours = is_for_this_machine(flags->options);
   auto server = Server::start(std::move(flags->options));
   if (!server) {
     std::cerr << "varimeshd: " << server.error().sentence << '\n';
     return server.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
-  if (!warning.empty()) std::cerr << "varimeshd: WARNING: " << warning << std::endl;
+  for (const std::string& warning : warnings)
+    if (!warning.empty()) std::cerr << "varimeshd: WARNING: " << warning << std::endl;
   if (has_neighbours)
     spdlog::warn("every user of this machine can use this server; --tokens or a unix socket keep them out");
   if (!keeps_jobs) spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");

@@ -144,11 +144,12 @@ Expected<void> Server::start_admin_port() {
 }
 
 Expected<void> Server::start_http_port() {
-  if (options_.http.empty()) return {};
+  if (options_.http.empty() && options_.https.empty()) return {};
   auto gateway = Gateway::start(
-      options_.http, endpoint_->in_process_channel(),
-      [this](Method method, std::string_view authorization, const std::string& address) -> Answer<std::string> {
-        auto caller = access_->admit(method, authorization, address);
+      {options_.http, options_.https, tls_ == nullptr ? TlsFiles() : tls_->copies(), options_.insecure},
+      endpoint_->in_process_channel(),
+      [this](Method method, std::string_view authorization, const HttpCaller& from) -> Answer<std::string> {
+        auto caller = access_->admit(method, authorization, from.address, from.certificate);
         if (!caller) return tl::unexpected(caller.error());
         return std::move(caller->peer);
       });
@@ -199,6 +200,9 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (!options.listen.empty())
     if (const auto checked = check_listen_address(options.listen, protection); !checked)
       return tl::unexpected(checked.error());
+  if (!options.https.empty())
+    if (const auto checked = check_https_address(options.https, protection); !checked)
+      return tl::unexpected(checked.error());
   if (const auto checked = check_tls_files(options.tls); !checked) return tl::unexpected(checked.error());
 
   std::unique_ptr<Server> server(new Server(std::move(options)));
@@ -247,10 +251,9 @@ const std::string& Server::admin_address() const {
   return admin_ == nullptr ? none : admin_->address();
 }
 
-const std::string& Server::http_address() const {
-  static const std::string none;
-  return gateway_ == nullptr ? none : gateway_->address();
-}
+std::string Server::http_address() const { return gateway_ == nullptr ? "" : gateway_->address(); }
+
+std::string Server::https_address() const { return gateway_ == nullptr ? "" : gateway_->encrypted_address(); }
 
 const std::string& Server::metrics_address() const {
   static const std::string none;

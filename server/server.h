@@ -43,7 +43,8 @@ enum class Role { All, Frontend, Worker };
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: any free port) or unix:PATH. Empty: in-process channels only.
   std::string admin;      ///< HOST:PORT on loopback for health checks and the live page. Empty: none.
-  std::string http;       ///< HOST:PORT on loopback for calls over HTTP, with JSON. Empty: none.
+  std::string http;       ///< HOST:PORT on loopback, unless `insecure`, for calls over HTTP, with JSON. Empty: none.
+  std::string https;      ///< HOST:PORT for the same, encrypted with `tls`. Empty: none.
   std::string metrics;    ///< HOST:PORT for health checks and metrics, which others may reach. Empty: none.
   TlsFiles tls;           ///< Certificates. Without them nothing is encrypted.
   bool insecure = false;  ///< Allows addresses beyond loopback although everybody may call or read.
@@ -84,8 +85,9 @@ class Server {
   int port() const;
   /// The address of the admin port; empty if there is none.
   const std::string& admin_address() const;
-  /// The address of the port for calls over HTTP; empty if there is none.
-  const std::string& http_address() const;
+  /// The addresses of the ports for calls over HTTP, the plain one and the encrypted one; empty if there is none.
+  std::string http_address() const;
+  std::string https_address() const;
   /// The address of the port for metrics; empty if there is none.
   const std::string& metrics_address() const;
   /// Whether the server has reached itself lately.

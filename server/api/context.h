@@ -42,6 +42,9 @@ struct ApiContext {
 /// caller calls. Nobody else can guess it.
 const std::string& key_of_address();
 
+/// The same for the name in the certificate of that caller.
+const std::string& key_of_certificate();
+
 /// Lets the caller of a method in, with the token in the call's metadata or the certificate of the connection. Every
 /// handler begins with it, and sees jobs and meshes only through what it returns. Errors: those of Access::admit().
 template <class Context>
@@ -50,7 +53,10 @@ Answer<CallersView> admit(const ApiContext& api, const Context& call, Method met
   const auto header = metadata.find("authorization");
   const std::string_view authorization =
       header == metadata.end() ? std::string_view() : std::string_view(header->second.data(), header->second.size());
-  const std::string name = api.access.names_certificates() ? name_in_certificate(call) : "";
+  const auto shown = metadata.find(key_of_certificate());
+  const std::string name = !api.access.names_certificates() ? ""
+                           : shown == metadata.end()        ? name_in_certificate(call)
+                                                            : std::string(shown->second.data(), shown->second.size());
   const auto told = metadata.find(key_of_address());
   const std::string address =
       told == metadata.end() ? peer_address(call.peer()) : std::string(told->second.data(), told->second.size());

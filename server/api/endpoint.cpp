@@ -44,15 +44,23 @@ void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, in_milliseconds(limits.connection_age));
 }
 
+/// A key of metadata that nobody can guess.
+std::string random_key(std::string key) {
+  std::random_device device;
+  for (int i = 0; i < 4; ++i) key += "-" + std::to_string(device());
+  return key;
+}
+
 }  // namespace
 
 const std::string& key_of_address() {
-  static const std::string key = [] {
-    std::random_device device;
-    std::string made = "varimesh-address";
-    for (int i = 0; i < 4; ++i) made += "-" + std::to_string(device());
-    return made;
-  }();
+  static const std::string key = random_key("varimesh-address");
+  return key;
+}
+
+const std::string& key_of_certificate() {
+  // gRPC takes any bytes as the value of such a key.
+  static const std::string key = random_key("varimesh-certificate") + "-bin";
   return key;
 }
 
@@ -93,7 +101,8 @@ Expected<void> Endpoint::listen(const std::string& address,
   builder.RegisterService(&job_service_);
   builder.RegisterService(&optimise_service_);
   const bool socket = is_unix_socket(address);
-  std::unique_ptr<TcpListener::Acceptor> acceptor;
+  using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
+  std::shared_ptr<Acceptor> acceptor;
   if (socket) {
     builder.AddListeningPort(address, credentials, &port_);
   } else if (!address.empty()) {
@@ -120,7 +129,13 @@ Expected<void> Endpoint::listen(const std::string& address,
   if (server_ == nullptr || (!address.empty() && port_ == 0))
     return tl::unexpected(
         Error{Error::Kind::Output, "Cannot listen on " + address + "; choose another address, or look into the log."});
-  if (listener_ != nullptr) listener_->start(std::move(acceptor));
+  if (listener_ != nullptr)
+    listener_->start([acceptor](int listening, int accepted, const std::string&) {
+      Acceptor::NewConnectionParameters connection;
+      connection.listener_fd = listening;
+      connection.fd = accepted;
+      acceptor->HandleNewConnection(&connection);
+    });
   if (socket)
     address_ = address;
   else if (!address.empty())

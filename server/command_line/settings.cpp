@@ -18,6 +18,9 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       "--http", options.http,
       "HOST:PORT on loopback for HTTP and JSON: the calls of gRPC for programs without it; port 0 is any free "
       "port");
+  app.add_option("--https", options.https,
+                 "HOST:PORT for the same with TLS, which others may reach: it uses the files of --tls-certificate and "
+                 "the flags below it, and callers need what --listen asks them for; port 0 is any free port");
   app.add_option("--metrics", options.metrics,
                  "HOST:PORT for plain HTTP that others may reach: metrics for Prometheus, and health checks; port 0 is "
                  "any free port");
@@ -56,8 +59,9 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       "--tls-authority", options.tls.authority,
       "File with the authority whose certificates clients must have, in PEM. Without --tokens, jobs belong to "
       "the common name in the client's certificate");
-  app.add_flag("--insecure", options.insecure,
-               "Allow --listen beyond loopback although everybody may call, or nothing is encrypted");
+  app.add_flag(
+      "--insecure", options.insecure,
+      "Allow --listen, --http and --https beyond loopback although everybody may call, or nothing is encrypted");
   app.add_option("--port-file", flags.port_file, "Write the address to this file instead of standard output");
   app.add_option("--log-format", flags.log_format, "text, or json: one object a line")->capture_default_str();
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error or off")->capture_default_str();

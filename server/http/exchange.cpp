@@ -67,14 +67,15 @@ std::string retry_header(const google::rpc::Status& status) {
 
 }  // namespace
 
-HttpExchange::HttpExchange(mg_connection* connection, Pool& large_texts)
-    : connection_(connection), request_(*mg_get_request_info(connection)), large_texts_(large_texts) {}
+HttpExchange::HttpExchange(mg_connection* connection, HttpCaller caller, Pool& large_texts)
+    : connection_(connection),
+      request_(*mg_get_request_info(connection)),
+      caller_(std::move(caller)),
+      large_texts_(large_texts) {}
 
 std::string_view HttpExchange::method() const { return request_.request_method; }
 
 std::string_view HttpExchange::path() const { return request_.local_uri == nullptr ? "" : request_.local_uri; }
-
-std::string HttpExchange::address() const { return request_.remote_addr; }
 
 std::string HttpExchange::header(const char* name) const {
   const char* const value = mg_get_header(connection_, name);
@@ -171,7 +172,8 @@ Answer<void> HttpExchange::read_json(const std::string& text, google::protobuf::
 void HttpExchange::pass_on(grpc::ClientContext& context) const {
   for (const char* name : {"authorization", "traceparent"})
     if (const std::string value = header(name); !value.empty()) context.AddMetadata(name, value);
-  context.AddMetadata(key_of_address(), address());
+  context.AddMetadata(key_of_address(), caller_.address);
+  if (!caller_.certificate.empty()) context.AddMetadata(key_of_certificate(), caller_.certificate);
 }
 
 void HttpExchange::begin_bytes(const ByteRange& range, std::int64_t size, const std::string& digest) {

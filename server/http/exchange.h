@@ -29,11 +29,18 @@ struct ByteRange {
   bool is_part = false;             ///< They were asked for by Range.
 };
 
+/// Who has sent a request.
+struct HttpCaller {
+  std::string address;        ///< Without the port.
+  std::string certificate;    ///< The common name in the caller's certificate; empty: the caller has shown none.
+  bool is_encrypted = false;  ///< The connection is.
+};
+
 /// Reads a request and answers it. One thread at a time.
 class HttpExchange {
  public:
   /// @param large_texts  a thread that reads and writes large texts of JSON
-  HttpExchange(mg_connection* connection, Pool& large_texts);
+  HttpExchange(mg_connection* connection, HttpCaller caller, Pool& large_texts);
 
   /// From now on, the work on the texts of this exchange is that of this caller, who is counted once for all tokens.
   void set_peer(std::string peer) { peer_ = std::move(peer); }
@@ -41,8 +48,8 @@ class HttpExchange {
   std::string_view method() const;
   /// Without the query; percent signs are decoded.
   std::string_view path() const;
-  /// The address of the caller.
-  std::string address() const;
+  const HttpCaller& caller() const { return caller_; }
+  bool is_encrypted() const { return caller_.is_encrypted; }
   /// A header; empty if it is missing, or has bytes that are no printable ASCII.
   std::string header(const char* name) const;
   /// All headers of this name, as they are.
@@ -117,6 +124,7 @@ class HttpExchange {
 
   mg_connection* const connection_;
   const mg_request_info& request_;
+  const HttpCaller caller_;
   Pool& large_texts_;
   std::string peer_;
   std::optional<int> socket_;  ///< Once it was looked for.

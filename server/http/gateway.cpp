@@ -32,7 +32,7 @@ constexpr int kMostPageFiles = 32;
 
 /// Whether a page of another site may have sent the request: any of its headers says so, however many there are.
 bool is_from_elsewhere(const HttpExchange& exchange) {
-  const std::string own = "http://" + exchange.header("Host");
+  const std::string own = (exchange.is_encrypted() ? "https://" : "http://") + exchange.header("Host");
   return !std::ranges::all_of(exchange.headers("Origin"), [&](auto origin) { return origin == own; }) ||
          !std::ranges::all_of(exchange.headers("Sec-Fetch-Site"),
                               [](auto site) { return site == "same-origin" || site == "none"; });
@@ -55,24 +55,55 @@ Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit)
       watches_{PeerCounts(kMostWatches), PeerCounts(kMostWatchesOfPeer), "watches over HTTP"},
       page_files_{PeerCounts(kMostPageFiles), PeerCounts(0), "files of the page"} {}
 
-Expected<std::unique_ptr<Gateway>> Gateway::start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
+Expected<std::unique_ptr<Gateway>> Gateway::start(const HttpPorts& ports, std::shared_ptr<grpc::Channel> channel,
                                                   Admit admit) {
-  const auto not_loopback = bad_option("Only this machine may use the port of --http, but '" + address +
-                                       "' is not a loopback address with a port; write --http 127.0.0.1:8080, and let "
-                                       "a proxy encrypt for others.");
-  if (!is_own_host(address.c_str())) return not_loopback;
+  const auto not_loopback = bad_option("Only this machine may use the port of --http, but '" + ports.plain +
+                                       "' is not a loopback address with a port; write --http 127.0.0.1:8080, and "
+                                       "--https HOST:PORT for others. If you trust the network and everybody in it, "
+                                       "add --insecure.");
+  if (!ports.plain.empty() && !is_own_host(ports.plain.c_str()) && !ports.insecure) return not_loopback;
   std::unique_ptr<Gateway> gateway(new Gateway(channel, std::move(admit)));
-  const auto listening =
-      gateway->http_.listen(address, "--http", handle, gateway.get(), kHttpThreads + kMostWatches + kMostPageFiles);
+  const auto behind = ports.encrypted.empty() ? Behind::Nothing : Behind::Tls;
+  const auto listening = gateway->http_.listen(ports.plain, "--http", handle, gateway.get(),
+                                               kHttpThreads + kMostWatches + kMostPageFiles, behind);
   if (!listening)
     return listening.error().kind == Error::Kind::BadOption ? not_loopback : tl::unexpected(listening.error());
+  if (!ports.encrypted.empty()) {
+    auto front = TlsFront::start(ports.encrypted, ports.tls, gateway->http_.port_behind());
+    if (!front) return tl::unexpected(front.error());
+    gateway->front_ = std::move(*front);
+  }
+  gateway->is_open_ = true;
   return gateway;
 }
 
+Gateway::~Gateway() {
+  if (front_ != nullptr) front_->stop();
+}
+
+std::optional<HttpCaller> Gateway::caller_of(const mg_request_info& request) const {
+  if (request.server_port != http_.port_behind()) return HttpCaller{request.remote_addr, "", false};
+  const auto caller = front_ == nullptr ? std::nullopt : front_->caller(request.remote_addr, request.remote_port);
+  return caller ? std::optional(HttpCaller{caller->address, caller->certificate, true}) : std::nullopt;
+}
+
+bool Gateway::is_own_name(const HttpExchange& exchange) const {
+  if (exchange.headers("Host").size() != 1) return false;
+  const std::string host = exchange.header("Host");
+  return is_own_host(host.c_str()) || (exchange.is_encrypted() && front_->is_named(host));
+}
+
 int Gateway::handle(mg_connection* connection) {
-  const auto* const gateway = static_cast<const Gateway*>(mg_get_request_info(connection)->user_data);
-  HttpExchange exchange(connection, gateway->large_texts_);
+  const mg_request_info& request = *mg_get_request_info(connection);
+  const auto* const gateway = static_cast<const Gateway*>(request.user_data);
+  const auto caller = gateway->is_open_ ? gateway->caller_of(request) : std::nullopt;
+  HttpExchange exchange(connection, caller.value_or(HttpCaller()), gateway->large_texts_);
   try {
+    if (!caller) {
+      exchange.refuse(
+          {grpc::StatusCode::UNAVAILABLE, "Only the server itself uses this port, or it is still starting."});
+      return 1;
+    }
     gateway->answer(exchange);
   } catch (const std::exception&) {  // out of memory, if anything
     exchange.refuse(
@@ -82,12 +113,16 @@ int Gateway::handle(mg_connection* connection) {
 }
 
 void Gateway::answer(HttpExchange& exchange) const {
-  if (exchange.headers("Host").size() != 1 || !is_own_host(exchange.header("Host").c_str()))
-    return exchange.refuse(status(bad_request("Only this machine may use this port; use the address 127.0.0.1.")), 421);
+  if (!is_own_name(exchange))
+    return exchange.refuse(
+        status(bad_request(exchange.is_encrypted()
+                               ? "This host is not in the server's certificate; use a name or an address that is."
+                               : "Only this machine may use this port; use the address 127.0.0.1.")),
+        421);
   // Other pages may link to the page, which says nothing of jobs, and which they can neither read nor frame.
   if (exchange.method() == "GET" || exchange.method() == "HEAD")
     if (const PageFile* file = find_page_file(page_files(), exchange.path()))
-      return in_place(exchange, exchange.address(), page_files_, [&] { exchange.answer_page_file(*file); });
+      return in_place(exchange, exchange.caller().address, page_files_, [&] { exchange.answer_page_file(*file); });
   if (is_from_elsewhere(exchange))
     return exchange.refuse({grpc::StatusCode::PERMISSION_DENIED, "Pages of other sites may not use this port."});
   const Routed routed = route(exchange.method(), exchange.path());
@@ -100,7 +135,7 @@ void Gateway::answer(HttpExchange& exchange) const {
 
 void Gateway::answer(HttpExchange& exchange, const Route& route, const std::string& id) const {
   using Jobs = v1::JobService::Stub;
-  const auto peer = admit_(route.call, exchange.header("Authorization"), exchange.address());
+  const auto peer = admit_(route.call, exchange.header("Authorization"), exchange.caller());
   if (!peer) return exchange.refuse(status(peer.error()));
   exchange.set_peer(*peer);
   const std::string job = "jobs/" + id;
@@ -138,7 +173,7 @@ void Gateway::answer(HttpExchange& exchange, const Route& route, const std::stri
 
 void Gateway::work_long(HttpExchange& exchange, Method method, Places& places,
                         const std::function<void()>& work) const {
-  const auto peer = admit_(method, exchange.header("Authorization"), exchange.address());
+  const auto peer = admit_(method, exchange.header("Authorization"), exchange.caller());
   if (!peer) return exchange.refuse(status(peer.error()));
   in_place(exchange, *peer, places, work);
 }

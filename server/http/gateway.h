@@ -3,8 +3,10 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -15,30 +17,44 @@
 #include "server/http/listen.h"
 #include "server/http/open_sockets.h"
 #include "server/http/routes.h"
+#include "server/https/tls_front.h"
 #include "server/resources/pool.h"
 #include "server/streams/peer_counts.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::server {
 
+/// Where the gateway listens.
+struct HttpPorts {
+  std::string plain;      ///< HOST:PORT; empty: nowhere without TLS.
+  std::string encrypted;  ///< HOST:PORT; empty: nowhere with TLS.
+  TlsFiles tls;           ///< For `encrypted`: as TlsFront::start() takes them.
+  bool insecure = false;  ///< `plain` may be beyond loopback, where a proxy of a network that is trusted asks.
+};
+
 /// An HTTP server whose requests become calls of this server's own services, so callers, owners, limits, the log and
 /// traces are the same. Bodies are proto3 JSON of the contract's messages; errors are google.rpc.Status.
 /// routes.h has the addresses.
 ///
 /// A token comes as "Authorization: Bearer TOKEN"; there are no cookies. A page of another site is refused by its
-/// Origin, and one whose name was made to point here (DNS rebinding) by its Host.
+/// Origin, and one whose name was made to point here (DNS rebinding) by its Host: that must be a name of this machine
+/// or, with TLS, one in the server's certificate.
 class Gateway {
  public:
   /// Who the limits per peer count, if the caller of a method may call it. Asked before a body is read.
-  using Admit = std::function<Answer<std::string>(Method, std::string_view authorization, const std::string& address)>;
+  using Admit = std::function<Answer<std::string>(Method, std::string_view authorization, const HttpCaller& caller)>;
 
-  /// Listens on HOST:PORT. HOST is in 127.0.0.0/8, [::1] or localhost, and port 0 is any free port. `channel`: leads to
-  /// the services in this process. Errors: BadOption for any other address, Output if the address is taken.
-  static Expected<std::unique_ptr<Gateway>> start(const std::string& address, std::shared_ptr<grpc::Channel> channel,
+  /// Listens at one of the ports or at both, which share all limits. The HOST of the plain one is in 127.0.0.0/8, [::1]
+  /// or localhost unless it is `insecure`, and port 0 is any free port. `channel`: leads to the services in this
+  /// process. Errors: BadOption for any other plain address, Output if an address is taken.
+  static Expected<std::unique_ptr<Gateway>> start(const HttpPorts& ports, std::shared_ptr<grpc::Channel> channel,
                                                   Admit admit);
 
-  /// The address with the port that was chosen.
+  ~Gateway();
+
+  /// The addresses with the ports that were chosen; empty if there is none.
   const std::string& address() const { return http_.address(); }
+  std::string encrypted_address() const { return front_ == nullptr ? "" : front_->address(); }
 
   /// Cuts uploads, downloads and watches, now and later, because the server stops: their clients come again.
   void end_long_requests() { open_.shut_down(); }
@@ -46,6 +62,9 @@ class Gateway {
  private:
   Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit);
   static int handle(mg_connection* connection);
+  /// Who has sent the request. Nothing: it came to the port that is there for TLS only, and past that.
+  std::optional<HttpCaller> caller_of(const mg_request_info& request) const;
+  bool is_own_name(const HttpExchange& exchange) const;
   void answer(HttpExchange& exchange) const;
   /// Answers a request that goes to this route; `id` is what stands for {…} in its path.
   void answer(HttpExchange& exchange, const Route& route, const std::string& id) const;
@@ -69,7 +88,9 @@ class Gateway {
   mutable Places transfers_, submissions_, watches_, page_files_;
   mutable OpenSockets open_;  ///< Of the requests that have such a place.
   mutable Pool large_texts_{1};
-  HttpServer http_;  ///< The last member, so that its threads end first.
+  std::atomic<bool> is_open_ = false;  ///< All of this object can be used by the threads of `http_`.
+  std::unique_ptr<TlsFront> front_;    ///< Null: nothing is encrypted. Its connections lead to `http_`.
+  HttpServer http_;                    ///< The last member, so that its threads end first.
 };
 
 }  // namespace varimesh::server

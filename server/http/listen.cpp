@@ -50,6 +50,23 @@ bool send_head(mg_connection* connection, int status, std::string_view type, std
   return !head;
 }
 
+/// The address as civetweb takes it.
+Expected<std::string> numeric_address(const std::string& address, const std::string& flag) {
+  if (address.empty()) return address;
+  const auto colon = address.rfind(':');
+  unsigned port = 65536;
+  if (colon != std::string::npos) {
+    const char* const end = address.data() + address.size();
+    const auto read = std::from_chars(address.data() + colon + 1, end, port);
+    if (read.ec != std::errc() || read.ptr != end) port = 65536;
+  }
+  if (port > 65535 || colon == 0)
+    return bad_option("'" + address + "' is not an address with a port from 0 to 65535; write " + flag +
+                      " 127.0.0.1:9464.");
+  const std::string host = address.substr(0, colon);
+  return (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
+}
+
 }  // namespace
 
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more,
@@ -87,34 +104,28 @@ bool is_own_host(const char* host) {
 }
 
 Expected<void> HttpServer::listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*),
-                                  void* user, int threads) {
-  const auto colon = address.rfind(':');
-  unsigned port = 65536;
-  if (colon != std::string::npos) {
-    const char* const end = address.data() + address.size();
-    const auto read = std::from_chars(address.data() + colon + 1, end, port);
-    if (read.ec != std::errc() || read.ptr != end) port = 65536;
-  }
-  if (port > 65535 || colon == 0)
-    return bad_option("'" + address + "' is not an address with a port from 0 to 65535; write " + flag +
-                      " 127.0.0.1:9464.");
-  const std::string host = address.substr(0, colon);
-  const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
+                                  void* user, int threads, Behind behind) {
+  const auto numeric = numeric_address(address, flag);
+  if (!numeric) return tl::unexpected(numeric.error());
+  const std::string inside = behind == Behind::Tls ? "127.0.0.1:0" : "";
+  const std::string ports_wanted = *numeric + (numeric->empty() || inside.empty() ? "" : ",") + inside;
   const std::string count = std::to_string(threads);
   // There is no document root, so files of the disk are never served.
-  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", count.c_str(),
-                           "request_timeout_ms", kRequestTimeout, nullptr};
+  const char* options[] = {"listening_ports",    ports_wanted.c_str(), "num_threads", count.c_str(),
+                           "request_timeout_ms", kRequestTimeout,      nullptr};
   mg_callbacks callbacks{};
   callbacks.begin_request = handle;
   callbacks.log_message = [](const mg_connection*, const char*) { return 1; };  // not to standard error
   context_ = mg_start(&callbacks, user, options);
-  std::array<mg_server_port, 1> ports{};
-  if (context_ == nullptr || mg_get_server_ports(context_, static_cast<int>(ports.size()), ports.data()) != 1)
+  std::array<mg_server_port, 2> ports{};
+  const int wanted = (address.empty() ? 0 : 1) + (inside.empty() ? 0 : 1);
+  if (context_ == nullptr || mg_get_server_ports(context_, static_cast<int>(ports.size()), ports.data()) != wanted)
     return tl::unexpected(Error{Error::Kind::Output,
                                 "Cannot listen on " + address + " for " + flag +
                                     ": the address is taken, or it is not an address of this machine; choose another "
                                     "(port 0 is any free port)."});
-  address_ = host + ":" + std::to_string(ports[0].port);
+  if (!inside.empty()) port_behind_ = ports[static_cast<std::size_t>(wanted - 1)].port;
+  if (!address.empty()) address_ = address.substr(0, address.rfind(':')) + ":" + std::to_string(ports[0].port);
   return {};
 }
 

@@ -43,16 +43,20 @@ void send_page_file(mg_connection* connection, const PageFile& file);
 /// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
 bool is_own_host(const char* host);
 
+/// What encrypts in front of an HTTP server gets a port of its own, which is any free one of 127.0.0.1.
+enum class Behind { Nothing, Tls };
+
 /// An HTTP server with threads of its own, without files of the disk. It ends with this object. A connection that does
 /// not send a whole request keeps one of the threads until a request is given up.
 class HttpServer {
  public:
-  /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Calls `handle` for each request,
+  /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Empty: only what encrypts has a
+  /// port. Calls `handle` for each request,
   /// which must answer it; `user` is what mg_get_request_info() gives as its user data. `flag`: who asked for the
   /// address, for the messages. `threads`: how many requests are answered at a time. Errors: BadOption if the address
   /// has no port, Output if it is taken.
   Expected<void> listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*), void* user,
-                        int threads = kHttpThreads);
+                        int threads = kHttpThreads, Behind behind = Behind::Nothing);
   HttpServer() = default;
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
@@ -60,9 +64,12 @@ class HttpServer {
 
   /// The address with the port that was chosen.
   const std::string& address() const { return address_; }
+  /// The port for what encrypts; 0: there is none.
+  int port_behind() const { return port_behind_; }
 
  private:
   std::string address_;
+  int port_behind_ = 0;
   mg_context* context_ = nullptr;
 };
 

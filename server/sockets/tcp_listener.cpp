@@ -1,4 +1,4 @@
-// Sockets of the system; gRPC gets those that it may have.
+// Sockets of the system; the taker gets those that it may have.
 #include "server/sockets/tcp_listener.h"
 
 #include <arpa/inet.h>
@@ -194,8 +194,8 @@ TcpListener::~TcpListener() {
   if (wake_ >= 0) ::close(wake_);
 }
 
-void TcpListener::start(std::unique_ptr<Acceptor> acceptor) {
-  acceptor_ = std::move(acceptor);
+void TcpListener::start(Taker taker) {
+  taker_ = std::move(taker);
   thread_ = std::thread([this] { run(); });
 }
 
@@ -236,10 +236,7 @@ bool TcpListener::accept_from(int listening) {
   if (socket < 0) return false;
   const std::string address = text_of(peer);
   if (admission_.admits(socket, address, descriptor_limit())) {
-    Acceptor::NewConnectionParameters connection;
-    connection.listener_fd = listening;
-    connection.fd = socket;
-    acceptor_->HandleNewConnection(&connection);
+    taker_(listening, socket, address);
     return true;
   }
   const auto now = steady_clock::now();

@@ -1,12 +1,11 @@
-// Accepts the connections of a TCP address and hands them to gRPC, as long as there are descriptors for them.
+// Accepts the connections of a TCP address and hands them on, as long as there are descriptors for them.
 #pragma once
-
-#include <grpcpp/server_builder.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -52,7 +51,9 @@ class Admission {
 /// A listening TCP address with a thread that accepts.
 class TcpListener {
  public:
-  using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
+  /// Takes a connection, and closes it when it has ended. `listening`: the socket at which it came. `peer`: the address
+  /// of the client without its port; of IPv6 the network.
+  using Taker = std::function<void(int listening, int socket, const std::string& peer)>;
 
   /// Listens on HOST:PORT, but accepts nobody before start(). A wildcard address listens to IPv4 and IPv6. A name
   /// listens at each of its addresses that this machine has. Error: Output if one is taken, or none is of this machine.
@@ -63,8 +64,8 @@ class TcpListener {
 
   /// The port, which the system chose if it was 0.
   int port() const { return port_; }
-  /// Begins to hand connections to the acceptor, whose server has been started.
-  void start(std::unique_ptr<Acceptor> acceptor);
+  /// Begins to hand connections on, from a thread of its own.
+  void start(Taker taker);
   /// Accepts nobody any more. Connections that were handed on stay.
   void stop();
   /// Whether the machine's own connection, as the server's to itself, was refused in the last `window` because there
@@ -81,7 +82,7 @@ class TcpListener {
   int port_ = 0;
   int wake_ = -1;  ///< An eventfd, which is readable once the thread is to end.
   Admission admission_;
-  std::unique_ptr<Acceptor> acceptor_;
+  Taker taker_;
   std::atomic<std::chrono::steady_clock::rep> turned_away_{0};  ///< When; 0: never.
   std::chrono::steady_clock::time_point warned_{};              ///< When the log was told of a refused connection.
   std::thread thread_;

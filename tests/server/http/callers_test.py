@@ -2,7 +2,6 @@
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import json
 import os
-import socket
 import subprocess
 import time
 import unittest
@@ -40,8 +39,7 @@ class Callers(WithHttp):
     def test_a_body_is_not_read_before_its_caller_is_known(self):
         head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 4000000\r\n\r\n"
         begun = time.monotonic()
-        host, port = self.http.rsplit(":", 1)
-        with socket.create_connection((host, int(port)), 20) as connection:
+        with self.dial(20) as connection:
             connection.sendall(head)
             self.assertIn(b" 401 ", connection.recv(65536), "no byte of the body has come")
         self.assertLess(time.monotonic() - begun, 1.5)

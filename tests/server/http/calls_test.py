@@ -73,7 +73,7 @@ class Calls(WithHttp):
         shutil.copy(MESH, self.folder / "mesh.msh")
         script = "\n".join(["set -e -o pipefail", "set -x", *(line.replace("curl ", "curl --fail-with-body ") for line in lines)])
         done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, cwd=self.folder, timeout=60,
-                              env={**os.environ, "HTTP": f"http://{self.http}"})
+                              env={**os.environ, "HTTP": self.url})
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         local = self.folder / "local.vtu"
         self.assertEqual(run("optimise", MESH, "-o", local).returncode, 0)
@@ -88,10 +88,10 @@ class Calls(WithHttp):
             done = subprocess.run(["curl", "-sS", "--fail-with-body", *arguments], capture_output=True, text=True, timeout=30)
             return done.returncode, json.loads(done.stdout)
 
-        code, submitted = curl("--json", json.dumps(spec), f"http://{self.http}/v1/jobs")
+        code, submitted = curl("--json", json.dumps(spec), f"{self.url}/v1/jobs")
         self.assertEqual(code, 0, submitted)
-        self.assertEqual(curl(f"http://{self.http}/v1/{submitted['job']['name']}")[0], 0)
-        self.assertEqual(curl("-X", "POST", f"http://localhost:{self.http.rsplit(':')[1]}/v1/{UNKNOWN}/cancel")[0], 22)
+        self.assertEqual(curl(f"{self.url}/v1/{submitted['job']['name']}")[0], 0)
+        self.assertEqual(curl("-X", "POST", self.url.replace("127.0.0.1", "localhost") + f"/v1/{UNKNOWN}/cancel")[0], 22)
 
 
 class Limits(WithHttp):

@@ -3,13 +3,12 @@ VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment, and with the Pyt
 import http.client
 import json
 import signal
-import socket
 import sys
 import threading
 import time
 import unittest
 
-from over_http import WithHttp
+from over_http import TLS, WithHttp
 from programs import ENDLESS, LARGER
 
 try:
@@ -44,7 +43,7 @@ class Watcher:
 
     def connect(self):
         """Reads one answer. Returns whether the watch has come to its end."""
-        connection = http.client.HTTPConnection(self.test.http, timeout=30)
+        connection = self.test.connection()
         path = f"/v1/jobs/{self.job}/events" + (f"?after={self.last}" if self.first else "")
         connection.request("GET", path, headers={} if self.first else {"Last-Event-ID": str(self.last)})
         answer = connection.getresponse()
@@ -89,8 +88,14 @@ class Watcher:
 class GrpcWatcher(Watcher):
     """The same by gRPC. If the server no longer keeps all iterations, it watches from the start, as our clients do."""
 
+    def channel(self):
+        if not TLS:
+            return grpc.insecure_channel(self.test.server.address)
+        authority = (self.test.folder / "certificates" / "authority.pem").read_bytes()
+        return grpc.secure_channel(self.test.server.address, grpc.ssl_channel_credentials(authority))
+
     def connect(self, after=None):
-        with grpc.insecure_channel(self.test.server.address) as channel:
+        with self.channel() as channel:
             request = service_pb2.WatchJobRequest(name=f"jobs/{self.job}", after_sequence=self.last if after is None else after)
             try:
                 for response in service_pb2_grpc.JobServiceStub(channel).WatchJob(request, timeout=60):
@@ -147,8 +152,7 @@ class Events(Checked):
 
     def test_a_stream_that_ends_is_told_from_one_that_is_cut(self):
         job = self.submit(LARGER, *ENDLESS)
-        host, port = self.http.rsplit(":", 1)
-        with socket.create_connection((host, int(port)), 20) as connection:
+        with self.dial(20) as connection:
             connection.sendall(f"GET /v1/jobs/{job}/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             came = connection.recv(4096)
             begun = time.monotonic()

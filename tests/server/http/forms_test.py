@@ -4,7 +4,6 @@ import hashlib
 import json
 import re
 import shutil
-import socket
 import subprocess
 import time
 import unittest
@@ -77,18 +76,17 @@ class Forms(WithHttp):
         if shutil.which("curl") is None:
             self.skipTest("there is no curl")
         (self.folder / "spec.json").write_text('{"outputs": ["MESH_FORMAT_VTU"]}')
-        done = subprocess.run(["curl", "-sS", "--fail-with-body", "-F", "spec=@spec.json", "-F", f"mesh=@{MESH}", f"http://{self.http}/v1/jobs"],
+        done = subprocess.run(["curl", "-sS", "--fail-with-body", "-F", "spec=@spec.json", "-F", f"mesh=@{MESH}", f"{self.url}/v1/jobs"],
                               capture_output=True, text=True, timeout=30, cwd=self.folder)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         self.wait(json.loads(done.stdout)["job"]["name"].removeprefix("jobs/"), "JOB_STATE_SUCCEEDED")
 
     def test_a_large_mesh_is_not_held_in_memory(self):
-        host, port = self.http.rsplit(":", 1)
         size = 300 << 20
         head = self.form(("spec", b"{}"))[:-len(f"--{self.BOUNDARY}--\r\n")] + f'--{self.BOUNDARY}\r\nContent-Disposition: form-data; name="mesh"\r\n\r\n'.encode()
         tail = f"\r\n--{self.BOUNDARY}--\r\n".encode()
         before = self.server_peak()
-        with socket.create_connection((host, int(port)), 60) as connection:
+        with self.dial(60) as connection:
             connection.sendall((f"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: multipart/form-data; boundary={self.BOUNDARY}\r\n"
                                 f"Content-Length: {len(head) + size + len(tail)}\r\n\r\n").encode() + head)
             for _ in range(300):

@@ -1,8 +1,6 @@
 """Meshes over HTTP (--http): there in one piece or after a cut, and results back, whole or in ranges.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import hashlib
-import http.client
-import socket
 import time
 import unittest
 
@@ -15,7 +13,7 @@ class Meshes(WithHttp):
         return self.ask("POST", f"/v1/meshes?digest={hashlib.sha256(data).hexdigest()}{query}", data, headers)
 
     def download(self, path, **headers):
-        connection = http.client.HTTPConnection(self.http, timeout=30)
+        connection = self.connection()
         self.addCleanup(connection.close)
         connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
@@ -69,10 +67,9 @@ class Meshes(WithHttp):
     def test_a_cut_upload_goes_on(self):
         data = bytes(range(256)) * 12000
         digest, size = hashlib.sha256(data).hexdigest(), len(data)
-        host, port = self.http.rsplit(":", 1)
         head = (f"PUT /v1/meshes?digest={digest}&uploadId=mine HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/octet-stream\r\n"
                 f"Content-Length: {size}\r\n\r\n").encode()
-        with socket.create_connection((host, int(port)), 20) as connection:
+        with self.dial(20) as connection:
             connection.sendall(head + data[:size // 2])
         asked = f"/v1/uploads/mine?digest={digest}"
         deadline = time.monotonic() + 20
@@ -107,11 +104,10 @@ class Meshes(WithHttp):
         """One address has eight transfers under way at most, however slow they are."""
         head = (b"POST /v1/meshes?digest=%s&uploadId=%d HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/octet-stream\r\n"
                 b"Content-Length: 100000\r\n\r\n")
-        host, port = self.http.rsplit(":", 1)
         refused, slow = 0, []
         self.addCleanup(lambda: [one.close() for one in slow])
         for i in range(12):
-            slow.append(socket.create_connection((host, int(port)), 20))
+            slow.append(self.dial(20))
             slow[-1].sendall(head % (b"0" * 64, i))
             time.sleep(0.02)
         for one in slow:

@@ -1,6 +1,5 @@
 """The mesh of a running job over HTTP (GET /v1/jobs/ID/mesh) and over gRPC (DownloadMeshRequest.job). ctest runs it with VARIMESH,
 VARIMESHD and VARIMESH_SOURCE_DIR in the environment, and with the Python package of the build tree."""
-import http.client
 import sys
 import time
 import unittest
@@ -35,7 +34,7 @@ def read_parts(text):
 
 class Moving(WithHttp):
     def look(self, job):
-        connection = http.client.HTTPConnection(self.http, timeout=30)
+        connection = self.connection()
         self.addCleanup(connection.close)
         connection.request("GET", f"/v1/jobs/{job}/mesh")
         answer = connection.getresponse()

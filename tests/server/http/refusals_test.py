@@ -1,6 +1,5 @@
 """What the port of --http refuses: bodies, addresses, and pages of other sites.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
-import socket
 import subprocess
 import time
 import unittest
@@ -70,15 +69,14 @@ class Refusals(WithHttp):
             came = self.send(f"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n{headers}\r\n\r\n".encode("latin-1"))
             self.assertIn(b" 403 ", came, headers)
         self.assertIn(b" 421 ", self.send(b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil.example\r\n\r\n"))
-        own = {"Origin": f"http://{self.http}", "Sec-Fetch-Site": "same-origin"}
+        own = {"Origin": self.url, "Sec-Fetch-Site": "same-origin"}
         self.assertEqual(self.ask("GET", "/v1/info", headers=own)[0], 200)
 
     def test_slow_clients_do_not_hold_others_up(self):
-        host, port = self.http.rsplit(":", 1)
         slow = []
         self.addCleanup(lambda: [one.close() for one in slow])
         for i in range(40):
-            slow.append(socket.create_connection((host, int(port)), 20))
+            slow.append(self.dial(20))
             slow[-1].sendall((b"", b"POST /v1/jobs HTTP/1.1\r\nHost: ", b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: "
                               b"application/json\r\nContent-Length: 1000\r\n\r\n{")[i % 3])
         for _ in range(5):

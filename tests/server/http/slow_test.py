@@ -21,9 +21,8 @@ class Slow(WithHttp):
 
     def drip(self, head, seconds, byte=b"x"):
         """Sends a byte every half second. Returns what came, and after how long."""
-        host, port = self.http.rsplit(":", 1)
         begun = time.monotonic()
-        with socket.create_connection((host, int(port)), 1) as connection:
+        with self.dial(1) as connection:
             connection.sendall(head)
             connection.settimeout(0.5)
             while time.monotonic() - begun < seconds:
@@ -50,8 +49,7 @@ class Slow(WithHttp):
 
     def test_an_upload_may_pause(self):
         data = MESH.read_bytes()
-        host, port = self.http.rsplit(":", 1)
-        with socket.create_connection((host, int(port)), 20) as connection:
+        with self.dial(20) as connection:
             connection.sendall(f"PUT /v1/meshes?digest={hashlib.sha256(data).hexdigest()} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: "
                                f"application/octet-stream\r\nContent-Length: {len(data)}\r\n\r\n".encode() + data[:500])
             time.sleep(7)
@@ -66,10 +64,9 @@ class Slow(WithHttp):
         self.still_answers()
 
     def test_headers_without_an_end(self):
-        host, port = self.http.rsplit(":", 1)
         for line in (b"X: " + b"a" * 1000 + b"\r\n", b"a" * 1000):
             sent = 0
-            with socket.create_connection((host, int(port)), 10) as connection:
+            with self.dial(10) as connection:
                 connection.sendall(b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n")
                 try:
                     while sent < 50 << 20:
@@ -83,13 +80,10 @@ class Slow(WithHttp):
     def test_watchers_lose_their_places(self):
         """Who takes no byte of a watch is cut soon, and another one has the place."""
         job = self.submit(LARGER, *ENDLESS)
-        host, port = self.http.rsplit(":", 1)
         slow = []
         self.addCleanup(lambda: [one.close() for one in slow])
         for _ in range(128):
-            one = socket.socket()
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            one.connect((host, int(port)))
+            one = self.dial(room=4096)
             one.sendall(f"GET /v1/jobs/{job}/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             slow.append(one)
         path, begun = f"/v1/jobs/{job}/events", time.monotonic()
@@ -100,21 +94,17 @@ class Slow(WithHttp):
             time.sleep(1)
 
     def first_bytes(self, path):
-        host, port = self.http.rsplit(":", 1)
-        with socket.create_connection((host, int(port)), 20) as connection:
+        with self.dial(20) as connection:
             connection.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             return connection.recv(4096)
 
     def test_readers(self):
         """Who watches and takes no byte does not hold others up."""
         job = self.submit(LARGER, *ENDLESS)
-        host, port = self.http.rsplit(":", 1)
         slow = []
         self.addCleanup(lambda: [one.close() for one in slow])
         for _ in range(20):
-            one = socket.socket()
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            one.connect((host, int(port)))
+            one = self.dial(room=4096)
             one.sendall(f"GET /v1/jobs/{job}/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             slow.append(one)
         for _ in range(5):
@@ -146,12 +136,7 @@ class ReadersOfThePage(WithHttp):
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
     def ask_for_script(self):
-        one = socket.socket()
-        self.addCleanup(one.close)
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        one.settimeout(20)
-        host, port = self.http.rsplit(":", 1)
-        one.connect((host, int(port)))
+        one = self.dial(room=4096)
         one.sendall(b"GET /three.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         return one
 
@@ -189,12 +174,7 @@ class Stopping(WithHttp):
         return time.monotonic() - begun
 
     def open(self, head, reads=True):
-        host, port = self.http.rsplit(":", 1)
-        one = socket.socket()
-        self.addCleanup(one.close)
-        if not reads:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        one.connect((host, int(port)))
+        one = self.dial(room=None if reads else 4096)
         one.sendall(head)
         return one
 

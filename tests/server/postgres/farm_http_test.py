@@ -15,7 +15,7 @@ from events_test import Checked, GrpcWatcher, Watcher
 
 
 class FarmHttp(WithFarm):
-    check, check_same = Checked.check, Checked.check_same
+    check, check_same, connection = Checked.check, Checked.check_same, Checked.connection
 
     @property
     def http(self):
