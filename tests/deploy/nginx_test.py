@@ -244,13 +244,14 @@ class ComposeNginx(WithFolder):
     """deploy/farm/nginx.conf, before a front end whose name needs no name server."""
 
     def test_jobs_go_through_it(self):
-        server = Server(listen="127.0.0.1:0")
+        server = Server("--http", "0.0.0.0:0", "--insecure", listen="127.0.0.1:0")
         self.addCleanup(server.stop)
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
+        with socket.create_server(("127.0.0.1", 0)) as free, socket.create_server(("127.0.0.1", 0)) as also_free:
+            port, port_of_http = free.getsockname()[1], also_free.getsockname()[1]
+        behind = re.search(r"http://0\.0\.0\.0:(\d+)/v1/", self.log_of(server))[1]
         text = COMPOSE_CONFIGURATION.read_text()
         for old, new in (("listen 50051 ", f"listen 127.0.0.1:{port} "), ("frontend:50051", server.address),
-                         ("/tmp/", f"{self.folder}/")):
+                         ("listen 8080;", f"listen 127.0.0.1:{port_of_http};"), ("frontend:8080", f"127.0.0.1:{behind}"), ("/tmp/", f"{self.folder}/")):
             self.assertIn(old, text)
             text = text.replace(old, new)
         path = self.folder / "nginx.conf"
@@ -266,6 +267,38 @@ class ComposeNginx(WithFolder):
         done = run("optimise", MESH, "-o", out, "--server", f"127.0.0.1:{port}")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue(out.exists())
+        self.check_http(port_of_http)
+
+    def log_of(self, server):
+        """The log, once it has the address of the port for HTTP."""
+        deadline = time.monotonic() + 20
+        while "/v1/" not in (text := "".join(server.log)):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+        return text
+
+    def check_http(self, port):
+        """A job with its mesh, its events and its result, and what the front end refuses behind nginx as well."""
+        def ask(method, path, body=None, **headers):
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=40)
+            self.addCleanup(connection.close)
+            connection.request(method, path, body, headers)
+            answer = connection.getresponse()
+            return answer.status, answer.read()
+
+        form = (b'--x\r\nContent-Disposition: form-data; name="spec"\r\n\r\n{}\r\n--x\r\nContent-Disposition: form-data; name="mesh"\r\n\r\n' +
+                MESH.read_bytes() + b"\r\n--x--\r\n")
+        code, text = ask("POST", "/v1/jobs", form, **{"Content-Type": "multipart/form-data; boundary=x"})
+        self.assertEqual(code, 200, text)
+        name = json.loads(text)["job"]["name"]
+        self.assertIn(b"JOB_STATE_SUCCEEDED", ask("GET", f"/v1/{name}/events")[1])
+        code, result = ask("GET", f"/v1/{name}/result")
+        self.assertEqual((code, len(result) > 100), (200, True))
+        self.assertEqual(ask("GET", "/")[0], 200)
+        self.assertEqual(ask("GET", "/v1/info", Origin="http://evil.example")[0], 403)
+        self.assertEqual(ask("GET", "/v1/info", Host="evil.example")[0], 421)
+        self.assertEqual(ask("GET", "/", Origin=f"http://127.0.0.1:{port}")[0], 200)
+        self.assertEqual(ask("GET", "/metrics")[0], 404)
 
 
 class InPods(WithNginx):
