@@ -11,13 +11,11 @@
 #include "core/base/index.h"
 #include "core/base/team.h"
 #include "core/energy/material.h"
+#include "core/kernels/hessian/batch.h"
 #include "core/kernels/hessian/folded_gradient.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
-
-/// Cells in a batch on every machine: one AVX-512 vector of floats, or two of AVX2.
-inline constexpr int kBatch = 16;
 
 /// Where the numbers of a node of a cell begin in BatchSet::contributions.
 ///
@@ -27,10 +25,6 @@ inline std::size_t contribution_index(std::int32_t cell, int node, std::uint32_t
   const auto number = static_cast<std::uint32_t>(cell);
   return ((static_cast<std::size_t>(number / kBatch) * nodes + node) * kBatch + number % kBatch) * width;
 }
-
-/// Partial derivatives of the energy's density f(Q, J), times the weight, |det A| and the cell's energy_slope. Every
-/// energy keeps these of each point. The products of some energies need more, which stand after them.
-enum class KeptPartial : std::uint8_t { Q, J, JJ };
 
 /// The batches of one CellSet. The innermost index of every array except `contributions` is the lane. Lanes past the
 /// last cell repeat it with weight 0.

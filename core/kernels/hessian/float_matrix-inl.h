@@ -7,7 +7,7 @@
 #endif
 
 #include "core/energy/number-inl.h"
-#include "core/kernels/hessian/batches.h"
+#include "core/kernels/hessian/batch.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {

@@ -1,4 +1,5 @@
-// What products with the Hessian need of each quadrature point: F in 16 bits, and partial derivatives of the energy.
+// What products with the Hessian need of each quadrature point: F in 16 bits, and partial derivatives of the energy
+// (kept_partials-inl.h).
 #if defined(VARIMESH_HESSIAN_KEPT_POINTS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_HESSIAN_KEPT_POINTS_INL_H
 #undef VARIMESH_HESSIAN_KEPT_POINTS_INL_H
@@ -6,35 +7,33 @@
 #define VARIMESH_HESSIAN_KEPT_POINTS_INL_H
 #endif
 
-#include "core/energy/jacobian-inl.h"
-#include "core/kernels/hessian/batches.h"
+#include <cstddef>
+#include <cstdint>
+
 #include "core/kernels/hessian/float_matrix-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// The partial derivatives of the energy that are kept per point, and where each is: those of KeptPartial, then w f_QJ,
-/// w f_QQ and w if the energy needs them. w is the weight times |det A| times the cell's energy_slope.
-template <class E>
-struct KeptPartials {
-  static constexpr int kQ = static_cast<int>(KeptPartial::Q), kJ = static_cast<int>(KeptPartial::J);
-  static constexpr int kJJ = static_cast<int>(KeptPartial::JJ);
-  static constexpr int kQJ = kJJ + 1;
-  static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
-  static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);
-  static constexpr int kEntries = kW + (E::kStrain != StrainTerm::None ? 1 : 0);
-};
-
-/// What linearise() has kept of the points of batch `b`, for the cells in the lanes from `lane` on.
+/// What linearise() has kept of the points of a batch, for the cells in the lanes from `lane` on.
 template <int d>
 class KeptPoints {
  public:
-  HWY_INLINE KeptPoints(const BatchSet& set, std::int32_t b, int lane)
-      : partials_(set.linearisation.data() + b * set.linearisation_size() + lane),
-        steps_(set.deformation.data() + b * set.deformation_size() + lane),
-        mean_(set.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane),
-        entries_(static_cast<std::size_t>(set.entries)) {}
+  /// @param partials  BatchSet::linearisation of the batch
+  /// @param steps     BatchSet::deformation of the batch
+  /// @param mean      BatchSet::mean of the batch
+  HWY_INLINE KeptPoints(const float* partials, int entries, const std::int16_t* steps, const float* mean, int lane)
+      : partials_(partials + lane),
+        steps_(steps + lane),
+        mean_(mean + lane),
+        entries_(static_cast<std::size_t>(entries)) {}
+  /// Set: BatchSet.
+  template <class Set>
+  HWY_INLINE KeptPoints(const Set& set, std::int32_t b, int lane)
+      : KeptPoints(set.linearisation.data() + b * set.linearisation_size(), set.entries,
+                   set.deformation.data() + b * set.deformation_size(),
+                   set.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch, lane) {}
   /// F at the point of a slot.
   HWY_INLINE FloatMatrix<d> deformation(int slot) const {
     const Floats step = load(mean_ + d * d * kBatch);

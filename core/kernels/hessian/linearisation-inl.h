@@ -21,7 +21,7 @@
 #include "core/energy/table-inl.h"
 #include "core/kernels/hessian/batches.h"
 #include "core/kernels/hessian/fixed_point_16.h"
-#include "core/kernels/hessian/kept_points-inl.h"
+#include "core/kernels/hessian/kept_partials-inl.h"
 #include "core/kernels/left_factor.h"
 
 HWY_BEFORE_NAMESPACE();

@@ -10,7 +10,7 @@
 
 #include "core/energy/jacobian-inl.h"
 #include "core/kernels/hessian/float_matrix-inl.h"
-#include "core/kernels/hessian/kept_points-inl.h"
+#include "core/kernels/hessian/kept_partials-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
