@@ -23,6 +23,7 @@
 #include "client/process/temporary_folder.h"
 #include "core/base/version.h"
 #include "core/device/card.h"
+#include "core/device_kernels/self_check.h"
 #include "core/geometry/cad_reader.h"
 #include "core/process/helper_program.h"
 
@@ -84,19 +85,30 @@ Finding cad_plugin() {
   return found;
 }
 
-/// The cards of this machine, or why there is none. That there is none is not wrong.
-Finding devices() {
+/// Whether the first card computes what the processor computes.
+Finding kernels(const device::Driver& driver) {
+  const auto card = driver.use();
+  const auto checked = card ? device::check_kernels(**card) : tl::unexpected(card.error());
+  if (checked) return {"device kernels", "compute the processor's bits (no command uses a device yet)", ""};
+  const bool broken =
+      checked.error().kind == device::Fault::Kind::BadKernels || checked.error().kind == device::Fault::Kind::Lost;
+  return broken ? Finding{"device kernels", "do not work", checked.error().sentence}
+                : Finding{"device kernels", checked.error().sentence, ""};
+}
+
+/// The cards of this machine, or why there is none, and whether they work. That there is none is not wrong.
+std::vector<Finding> devices() {
   const auto driver = device::Driver::open();
-  if (!driver) return {"device", driver.error().sentence, ""};
+  if (!driver) return {{"device", driver.error().sentence, ""}};
   const auto cards = driver->cards();
-  if (!cards) return {"device", cards.error().sentence, ""};
+  if (!cards) return {{"device", cards.error().sentence, ""}};
   std::string found;
   for (const device::Properties& card : *cards)
     found += fmt::format("{}, {:.1f} GiB, compute capability {}.{}; ", card.name,
                          static_cast<double>(card.memory) / (1 << 30), card.capability / 10, card.capability % 10);
   const int version = cards->front().driver;
-  found += fmt::format("driver for CUDA {}.{} (no command uses a device yet)", version / 1000, version % 1000 / 10);
-  return {"device", found, ""};
+  found += fmt::format("driver for CUDA {}.{}", version / 1000, version % 1000 / 10);
+  return {{"device", found, ""}, kernels(*driver)};
 }
 
 Finding server(const std::string& address, const Credentials& credentials) {
@@ -146,12 +158,12 @@ int doctor(const CommonFlags& flags) {
       {"processor", processor(), ""},
       {"vectors", std::string(vector_instructions()), ""},
       threads(),
-      devices(),
       temporary_files(),
       cad_plugin(),
       optional_part("gmsh", find_program("gmsh"), "for varimesh mesh"),
       optional_part("HDF5 program", find_helper("varimesh_hdf5", "VARIMESH_HDF5"), "for .h5, .cgns and .pyfrm files"),
   };
+  for (Finding& one : devices()) findings.push_back(std::move(one));
   if (!flags.server.empty()) findings.push_back(server(flags.server, flags.credentials));
   if (flags.json)
     print_json(findings);

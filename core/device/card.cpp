@@ -80,9 +80,7 @@ class Card final : public Device {
   Possible<std::unique_ptr<Module>> load(const KernelImage& image) override {
     const std::string name(image.name);
     if (image.packed.empty())
-      return fault(Fault::Kind::BadKernels,
-                   "This build of VariMesh has no kernels for a card: there was no clang when "
-                   "it was built. Install clang and build again.");
+      return fault(Fault::Kind::NoKernels, "This build of VariMesh has no kernels " + name + " for a card.");
     const std::string ptx = unpack(image.packed);
     cuda::Module module = nullptr;
     std::array<char, 1024> log{};

@@ -14,6 +14,7 @@ struct Fault {
     OldDriver,    ///< The driver or the device is too old for the kernels.
     Busy,         ///< Another process has the device for itself.
     OutOfMemory,  ///< The device has less free memory than was asked for. Everything that was allocated stays.
+    NoKernels,    ///< There are no kernels for this work, or none in this build.
     BadKernels,   ///< The driver did not accept the kernels.
     Lost,         ///< The device failed. What was in its memory is gone, and every later call fails in the same way.
   };

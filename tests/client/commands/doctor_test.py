@@ -11,8 +11,8 @@ from programs import LARGER, MESH, VARIMESH, Server, WithFolder, run
 class Doctor(WithFolder):
     def test_finds_nothing_wrong_with_this_machine(self):
         found = json.loads(run("doctor", "--json").stdout)
-        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads", "device",
-                                       "temporary files", "CAD plugin", "gmsh", "HDF5 program"])
+        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads",
+                                       "temporary files", "CAD plugin", "gmsh", "HDF5 program", "device"])
         self.assertFalse([one for one in found.values() if one["wrong"]])
         self.assertRegex(found["vectors"]["found"], "^(EMU128|SCALAR|SSE4|SSSE3|SSE2|AVX2|AVX3|AVX3_DL|NEON)$")
         self.assertEqual(found["threads"]["found"].split()[0], str(len(os.sched_getaffinity(0))))
@@ -33,7 +33,7 @@ class Doctor(WithFolder):
     def test_says_which_device_there_is_or_why_there_is_none(self):
         fake, older = os.environ["FAKE_DRIVER"], os.environ["OLDER_DRIVER"]
         self.assertEqual(self.device(fake, "memory=150110011392"),
-                         "Fake Card 1, 139.8 GiB, compute capability 9.0; driver for CUDA 12.4 (no command uses a device yet)")
+                         "Fake Card 1, 139.8 GiB, compute capability 9.0; driver for CUDA 12.4")
         self.assertEqual(self.device(fake, "cards=2").count("Fake Card 1"), 2)
         for driver, state, pattern in ((fake, "cards=0", "^The NVIDIA driver finds no device"),
                                        (fake, "version=9020", "too old: it is for CUDA 9.2"),
@@ -42,6 +42,28 @@ class Doctor(WithFolder):
             self.assertRegex(self.device(driver, state), pattern)
         (self.folder / "libcuda.so.1").write_text("no library")
         self.assertRegex(self.device(self.folder), "^There is no NVIDIA driver on this machine .*file too short|invalid ELF")
+
+    def test_says_whether_kernels_compute_what_the_processor_computes(self):
+        def found(state):
+            done = run("doctor", "--json", env={**os.environ, "LD_LIBRARY_PATH": os.environ["FAKE_DRIVER"], "FAKE_CUDA": state})
+            kernels = json.loads(done.stdout)["device kernels"]
+            return done.returncode, kernels["found"], kernels["wrong"]
+
+        well = found("")
+        if "has no kernels" in well[1]:
+            self.skipTest("VariMesh was built without clang")
+        self.assertEqual(well, (0, "compute the processor's bits (no command uses a device yet)", ""))
+        for state, words in (("busy", "in use by another process"), ("memory=100000", "has no room for"),
+                             ("capability=61", "is too old"), ("load=222", "install a later driver"),
+                             ("shared=49152", "bytes of shared memory per block")):
+            status, sentence, wrong = found(state)
+            self.assertIn(words, sentence)
+            self.assertEqual((status, wrong), (0, ""), "a device that cannot be used is not wrong")
+        for state, words in (("lost=3", "failed when it ran the kernel"), ("lost_at_wait=9", "failed when"),
+                             ("load=218", "did not accept the kernels"), ("wrong", "computes other numbers")):
+            status, sentence, wrong = found(state)
+            self.assertEqual((status, sentence), (1, "do not work"))
+            self.assertIn(words, wrong)
 
     def test_finds_what_is_wrong(self):
         server = Server()

@@ -1,6 +1,7 @@
-// A library that takes the place of NVIDIA's driver in tests. It has one card, whose memory is this process's, and runs
-// kernels that a test has registered with fake_cuda_kernels(). It refuses what the real driver refuses: calls without a
-// context, copies past the end of an allocation, memory that was freed.
+// A library that takes the place of NVIDIA's driver in tests. It has one card, whose memory is this process's. Where a
+// module has the kernels of cells, the processor's kernels run in their place; else those that a test has registered
+// with fake_cuda_kernels(). It refuses what the real driver refuses: calls without a context, copies past the end of an
+// allocation, memory that was freed.
 //
 // The variable FAKE_CUDA says what is wrong with it, in words with a space between them:
 //   version=10010      the version of CUDA that it is for
@@ -13,16 +14,20 @@
 //   lost=3             the third launch breaks the card: every later call ends with 719
 //   lost_at_wait=3     the third launch breaks the card, and the next call that waits is the first to say so
 //   shared=49152       bytes of shared memory per block
+//   wrong              results that are copied from the card have a wrong bit
 #include <cstdlib>
 #include <cstring>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 
-#include "core/device/device.h"
+#include "core/device_kernels/cell_modules.h"
 
 namespace {
+
+using varimesh::device::CpuKernel;
 
 using Result = int;
 constexpr Result kSuccess = 0, kInvalidValue = 1, kOutOfMemory = 2, kNotInitialised = 3, kUnavailable = 46,
@@ -42,9 +47,7 @@ struct Card {
   std::size_t used = 0;
   int contexts = 0, modules = 0, launches = 0;
   bool lost = false, lost_silently = false;
-  const varimesh::device::CpuKernel* kernels = nullptr;
-  std::size_t kernel_count = 0;
-  std::string compiler_log;
+  std::span<const CpuKernel> kernels;
 };
 Card card;
 bool initialised = false;
@@ -67,6 +70,20 @@ bool is_allocated(std::uint64_t address, std::size_t bytes) {
   return address - first + bytes <= size;
 }
 
+/// The processor's kernels for a module of this text.
+std::span<const CpuKernel> kernels_of(std::string_view text) {
+  constexpr std::string_view kMark = "cell_nodes = ";
+  const auto at = text.find(kMark);
+  if (at == std::string_view::npos) return card.kernels;
+  const int nodes = std::atoi(text.data() + at + kMark.size());
+  for (int order = 2; order <= 5; ++order)
+    if ((order + 1) * (order + 2) * (order + 3) / 6 == nodes)
+      return varimesh::device::cell_kernels(varimesh::Shape::Tetrahedron, order,
+                                            varimesh::material(varimesh::Options{}))
+          ->cpu;
+  return {};
+}
+
 Result waited() {
   if (card.lost_silently) card.lost = true;
   return ready();
@@ -77,10 +94,9 @@ Result waited() {
 extern "C" {
 
 /// For tests: the kernels of every module that is loaded from now on.
-void fake_cuda_kernels(const varimesh::device::CpuKernel* kernels, std::size_t count) {
+void fake_cuda_kernels(const CpuKernel* kernels, std::size_t count) {
   card = Card();
-  card.kernels = kernels;
-  card.kernel_count = count;
+  card.kernels = {kernels, count};
 }
 /// For tests: bytes that are allocated, contexts that are held and modules that are loaded.
 void fake_cuda_held(std::size_t* bytes, int* contexts, int* modules) {
@@ -171,19 +187,21 @@ Result cuModuleLoadDataEx(void** module, const void* image, unsigned options, in
       if (names[i] == 5) std::strcpy(static_cast<char*>(values[i]), "ptxas fatal : line 1");
     return result;
   }
-  if (std::string_view(static_cast<const char*>(image)).find(".version") == std::string_view::npos) return 218;
+  const std::string_view text(static_cast<const char*>(image));
+  if (text.find(".version") == std::string_view::npos) return 218;
   ++card.modules;
-  *module = &card;
+  *module = new std::span<const CpuKernel>(kernels_of(text));
   return kSuccess;
 }
-Result cuModuleUnload(void*) {
+Result cuModuleUnload(std::span<const CpuKernel>* module) {
   --card.modules;
+  delete module;
   return ready();
 }
-Result cuModuleGetFunction(const void** function, void*, const char* name) {
-  for (std::size_t i = 0; i < card.kernel_count; ++i)
-    if (card.kernels[i].name == name) {
-      *function = &card.kernels[i];
+Result cuModuleGetFunction(const void** function, const std::span<const CpuKernel>* module, const char* name) {
+  for (const CpuKernel& kernel : *module)
+    if (kernel.name == name) {
+      *function = &kernel;
       return kSuccess;
     }
   return kNotFound;
@@ -217,6 +235,7 @@ Result cuMemcpyDtoH_v2(void* to, std::uint64_t from, std::size_t bytes) {
   if (const Result result = waited(); result != kSuccess) return result;
   if (!is_allocated(from, bytes)) return kInvalidValue;
   std::memcpy(to, reinterpret_cast<const void*>(from), bytes);
+  if (setting("wrong", 0) != 0) static_cast<char*>(to)[0] ^= 1;
   return kSuccess;
 }
 Result cuLaunchKernel(const void* function, unsigned blocks, unsigned, unsigned, unsigned threads, unsigned, unsigned,
@@ -228,8 +247,8 @@ Result cuLaunchKernel(const void* function, unsigned blocks, unsigned, unsigned,
   if (card.launches >= setting("lost_at_wait", 1L << 30)) card.lost_silently = true;
   if (card.lost || card.lost_silently) return ready();
   for (unsigned block = 0; block < blocks; ++block)
-    static_cast<const varimesh::device::CpuKernel*>(function)->run_block(arguments[0], static_cast<std::int32_t>(block),
-                                                                         static_cast<std::int32_t>(threads));
+    static_cast<const CpuKernel*>(function)->run_block(arguments[0], static_cast<std::int32_t>(block),
+                                                       static_cast<std::int32_t>(threads));
   return kSuccess;
 }
 

@@ -1,0 +1,72 @@
+// What the kernels of a device read and write, for the program that launches them and for the kernels themselves.
+//
+// The arrays of a set of cells are those of BatchSet: batches of sixteen cells, the lane innermost; lanes past the last
+// cell repeat it, with slope 0. The points are in the order of BatchSet's slots. So what the processor has linearised a
+// device can multiply, and the other way round.
+#pragma once
+
+#include <cstdint>
+
+#include "core/energy/material.h"
+
+namespace varimesh::device {
+
+/// A set of cells of one shape, whose targets are the same at all points of a cell.
+struct CellArguments {
+  Material material;
+  std::int32_t batches = 0;
+  std::int32_t points = 0;
+
+  // The reference cell. The points are padded (splits.h) by repeating the last one with weight 0.
+  /// (points + 1) × part × d × nodes of the part: ∂φ_n/∂ξ_k, and in the end its mean over the rule's points. A part's
+  /// last nodes may be missing; their derivatives are 0.
+  const double* derivatives = nullptr;
+  const double* weights = nullptr;  ///< points.
+
+  // The cells.
+  const std::int32_t* nodes = nullptr;     ///< batches × node × lane: the node's number.
+  const double* inverse_target = nullptr;  ///< batches × d·d × lane: A⁻¹.
+  const double* left_factor = nullptr;     ///< batches × d·d × lane; null: L = 1.
+  const double* measure = nullptr;         ///< batches × lane: |det A|.
+  const double* delta_squared = nullptr;   ///< batches × lane.
+  const double* slope = nullptr;           ///< batches × lane: CellSet::energy_slope.
+  const double* positions = nullptr;       ///< d per node.
+
+  // Results.
+  double* scans = nullptr;         ///< batches × 3 × lane: energy, smallest J, scaled Jacobian (CellScan).
+  float* contributions = nullptr;  ///< As BatchSet::contributions of width 2 d.
+  float* linearisation = nullptr;  ///< As BatchSet.
+  std::int16_t* deformation = nullptr;
+  float* mean = nullptr;
+};
+
+/// A product of the Hessian with a direction, in each cell of a set.
+struct ProductArguments {
+  Material material;
+  std::int32_t batches = 0;
+  std::int32_t points = 0;
+  const float* derivatives = nullptr;  ///< points × part × d × nodes of the part, with zeros in the padding.
+  const double* inverse_target = nullptr;
+  const double* left_factor = nullptr;
+  const float* linearisation = nullptr;
+  const std::int16_t* deformation = nullptr;
+  const float* mean = nullptr;
+  const std::int32_t* ranks = nullptr;  ///< As BatchSet::ranks.
+  const float* direction = nullptr;     ///< d per free node, then d zeros.
+  float* contributions = nullptr;       ///< As BatchSet::contributions of width d.
+};
+
+/// Sums over the cells of each node, of the contributions of one set.
+struct SumArguments {
+  std::int32_t nodes = 0;                 ///< Free nodes.
+  const std::int64_t* offsets = nullptr;  ///< nodes + 1: Problem::offsets.
+  const std::int64_t* places = nullptr;   ///< By incidence: contribution_index() for width 1.
+  const float* contributions = nullptr;   ///< Of width d for a product, else of width 2 d.
+  const float* direction = nullptr;       ///< d per node.
+  float* product = nullptr;               ///< d per node.
+  double* gradient = nullptr;             ///< d per node.
+  double* along = nullptr;                ///< By block of threads: its part of direction · product.
+  double scale = 1;                       ///< What the gradient is multiplied by.
+};
+
+}  // namespace varimesh::device

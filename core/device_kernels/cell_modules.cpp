@@ -1,0 +1,50 @@
+#include "core/device_kernels/cell_modules.h"
+
+#include <string_view>
+
+#include "core/device_kernels/cpu_tetrahedra.h"
+
+#ifdef VARIMESH_CARD_KERNELS
+namespace varimesh::device::ptx {
+extern const std::string_view tetrahedra_2, tetrahedra_3, tetrahedra_4, tetrahedra_5;
+}
+#endif
+
+namespace varimesh::device {
+namespace {
+
+struct Row {
+  Shape shape;
+  int order;
+  std::string_view name;
+  std::span<const CpuKernel> (*cpu)(const Material&);
+  const std::string_view* card;  ///< For the hyperelastic energy; null: this build has none.
+};
+
+#ifdef VARIMESH_CARD_KERNELS
+#define ON_CARD(module) &ptx::module
+#else
+#define ON_CARD(module) nullptr
+#endif
+
+const Row kRows[] = {
+    {Shape::Tetrahedron, 2, "of tetrahedra of order 2", cpu_tetrahedra_2, ON_CARD(tetrahedra_2)},
+    {Shape::Tetrahedron, 3, "of tetrahedra of order 3", cpu_tetrahedra_3, ON_CARD(tetrahedra_3)},
+    {Shape::Tetrahedron, 4, "of tetrahedra of order 4", cpu_tetrahedra_4, ON_CARD(tetrahedra_4)},
+    {Shape::Tetrahedron, 5, "of tetrahedra of order 5", cpu_tetrahedra_5, ON_CARD(tetrahedra_5)},
+};
+
+}  // namespace
+
+std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& material) {
+  for (const Row& row : kRows)
+    if (row.shape == shape && row.order == order) {
+      KernelImage image{row.name, {}, row.cpu(material)};
+      if (row.card != nullptr && material.energy == Energy::Hyperelastic)
+        image.packed = {reinterpret_cast<const unsigned char*>(row.card->data()), row.card->size()};
+      return image;
+    }
+  return std::nullopt;
+}
+
+}  // namespace varimesh::device

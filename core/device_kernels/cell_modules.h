@@ -1,0 +1,16 @@
+// The modules of kernels: which shapes, orders and energies have them.
+#pragma once
+
+#include <optional>
+
+#include "core/device/device.h"
+#include "core/energy/material.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh::device {
+
+/// The kernels for cells of one shape and order and for the energy of a material; none if there are none yet. They run
+/// in the processor's place for every energy; whether they run on a card depends on the build (KernelImage::packed).
+std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& material);
+
+}  // namespace varimesh::device

@@ -1,0 +1,92 @@
+// The kernels of one shape and order as the processor runs them in a device's place, for every energy.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "core/device/device.h"
+#include "core/device_kernels/cells-inl.h"
+#include "core/device_kernels/product-inl.h"
+#include "core/energy/table-inl.h"
+
+namespace varimesh::N_ONE_LANE {
+
+using device::CellKernel;
+using device::CpuKernel;
+
+/// Calls work(number) for each cell of a block whose threads share cells as `parts` say.
+template <int parts, class Work>
+void for_cells_of_block(std::int32_t batches, std::int32_t block, std::int32_t threads, const Work& work) {
+  const std::int64_t cells = threads / parts, first = block * cells;
+  const std::int64_t last = std::min<std::int64_t>(first + cells, static_cast<std::int64_t>(batches) * kBatch);
+  for (std::int64_t cell = first; cell < last; ++cell) work(Place<parts>::of(cell));
+}
+
+template <int d>
+void add_up_products(const void* arguments, std::int32_t block, std::int32_t threads) {
+  const auto& a = *static_cast<const device::SumArguments*>(arguments);
+  std::vector<double> along(static_cast<std::size_t>(threads));
+  for (std::int32_t thread = 0; thread < threads; ++thread)
+    along[static_cast<std::size_t>(thread)] = add_up_product<d>(a, static_cast<std::int64_t>(block) * threads + thread);
+  for (std::size_t width = along.size() / 2; width > 0; width /= 2)
+    for (std::size_t i = 0; i < width; ++i) along[i] = along[i] + along[i + width];
+  a.along[block] = along[0];
+}
+
+template <int d>
+void add_up_gradients(const void* arguments, std::int32_t block, std::int32_t threads) {
+  const auto& a = *static_cast<const device::SumArguments*>(arguments);
+  for (std::int32_t thread = 0; thread < threads; ++thread)
+    add_up_gradient<d>(a, static_cast<std::int64_t>(block) * threads + thread);
+}
+
+template <class E, int d, int nodes>
+struct CpuKernels {
+  template <CellKernel kernel, class Work>
+  static void on_cells(const void* arguments, std::int32_t block, std::int32_t threads, const Work& work) {
+    const auto& a = *static_cast<const device::CellArguments*>(arguments);
+    constexpr int parts = device::parts_of(kernel, nodes);
+    for_cells_of_block<parts>(a.batches, block, threads, [&](Place<parts> place) {
+      CellOnDevice<E, d, nodes, parts> cell(a, a.derivatives, place);
+      work(cell);
+    });
+  }
+  static void energy(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on_cells<CellKernel::Energy>(arguments, block, threads, [](auto& cell) { cell.scan(); });
+  }
+  static void gradient(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on_cells<CellKernel::Gradient>(arguments, block, threads, [](auto& cell) { cell.template gradient<false>(); });
+  }
+  static void linearise(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on_cells<CellKernel::Gradient>(arguments, block, threads, [](auto& cell) { cell.template gradient<true>(); });
+  }
+  static void product(const void* arguments, std::int32_t block, std::int32_t threads) {
+    const auto& a = *static_cast<const device::ProductArguments*>(arguments);
+    constexpr int parts = device::parts_of(CellKernel::Product, nodes);
+    for_cells_of_block<parts>(a.batches, block, threads, [&](Place<parts> place) {
+      ProductOnDevice<E, d, nodes, parts>(a, a.derivatives, place).multiply();
+    });
+  }
+
+  static constexpr CpuKernel kKernels[] = {
+      {"energy", energy},
+      {"gradient", gradient},
+      {"linearise", linearise},
+      {"product", product},
+      {"add_up_products", add_up_products<d>},
+      {"add_up_gradients", add_up_gradients<d>},
+  };
+};
+
+/// The kernels for the energy of a material.
+template <int d, int nodes>
+std::span<const CpuKernel> cpu_kernels(const Material& material) {
+  return with_energy<d>(material, [](const auto& energy) {
+    return std::span<const CpuKernel>(CpuKernels<std::decay_t<decltype(energy)>, d, nodes>::kKernels);
+  });
+}
+
+}  // namespace varimesh::N_ONE_LANE

@@ -1,0 +1,10 @@
+#include "core/device_kernels/cpu_kernels-inl.h"
+#include "core/device_kernels/cpu_tetrahedra.h"
+
+namespace varimesh::device {
+
+std::span<const CpuKernel> cpu_tetrahedra_3(const Material& material) {
+  return N_ONE_LANE::cpu_kernels<3, 20>(material);
+}
+
+}  // namespace varimesh::device
