@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""check_vtu.py map FOLDER | outward FOLDER | drawn FOLDER | boundary FILE | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
+"""check_vtu.py map FOLDER | outward FOLDER | drawn FOLDER | boundary FILE | pictures FILE | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp
 runs it.
 
 map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK evaluates
@@ -9,10 +9,16 @@ be its own with the sign, and each of VTK's faces must point outwards. In 2-D th
 drawn: each file SHAPE_ORDER.vtu holds one cell and the elements of its boundary. VTK draws it with subdivisions, level by level.
 boundary: the file's only field has the number of each cell from 0. It is active, and each face has the value of a cell that has all
 its points.
+pictures: the file's only field has the number of each cell. A picture with the elements of the boundary is the one without. This
+needs Xvfb.
 measure: the cells' areas or volumes must add up to MEASURE within 1.5 %, since VTK measures linear pieces.
 """
+import contextlib
+import ctypes
 import glob
 import os
+import signal
+import subprocess
 import sys
 
 import numpy as np
@@ -136,6 +142,88 @@ def check_boundary(path):
         assert points[face] <= points[int(values[face])], "%s: face %d has the value %g" % (path, face, values[face])
 
 
+def check_pictures(path):
+    """What a viewer shows at first: the surface, coloured by the active field, with more triangles per curved cell. Elements of
+    the boundary lie on the cells. With them the picture must be the one without them."""
+    grid = read(path)
+    data = grid.GetCellData()
+    dimensions = vtk_to_numpy(data.GetArray("dimension"))
+    whole = dimensions == dimensions.max()
+    values = data.GetScalars().GetRange()
+    cells = vtk.vtkExtractCells()
+    cells.SetInputData(grid)
+    ids = vtk.vtkIdList()
+    for i in np.flatnonzero(whole):
+        ids.InsertNextId(int(i))
+    cells.SetCellList(ids)
+    cells.Update()
+    spotted = vtk.vtkUnstructuredGrid()  # what a file shows whose boundary has no values
+    spotted.DeepCopy(grid)
+    vtk_to_numpy(spotted.GetCellData().GetScalars())[~whole] = np.nan
+    for level in (1, 2, 3, 4):
+        alone, drawn = picture(cells.GetOutput(), level, values), picture(grid, level, values)
+        shown = (alone < 255).any(axis=2).sum()
+        assert shown > 10_000, path
+        share = lambda other: strange(alone, other).sum() / shown
+        assert share(drawn) < 0.001, "%s: %g of the picture differs at level %d" % (path, share(drawn), level)
+        assert share(picture(spotted, level, values)) > 0.002, "%s: the comparison sees no speckles at level %d" % (path, level)
+
+
+def strange(picture, other):
+    """Which pixels of the other picture have a colour that no pixel of the picture has up to two pixels away: lines at the edge
+    of a plane mesh are as wide as a pixel, and have pieces of their own where they are curved."""
+    beside = [np.roll(picture, (i, j), (0, 1)) for i in range(-2, 3) for j in range(-2, 3)]
+    return np.min([np.abs(other - one).max(axis=2) for one in beside], axis=0) > 8
+
+
+def picture(grid, level, values):
+    """The colours of 400 × 400 pixels, for this range of values; from aside if the cells are solid."""
+    surface = vtk.vtkDataSetSurfaceFilter()
+    surface.SetInputData(grid)
+    surface.SetNonlinearSubdivisionLevel(level)
+    mapper = vtk.vtkPolyDataMapper()
+    mapper.SetInputConnection(surface.GetOutputPort())
+    mapper.SetScalarRange(*values)
+    actor = vtk.vtkActor()
+    actor.SetMapper(mapper)
+    actor.GetProperty().LightingOff()
+    renderer = vtk.vtkRenderer()
+    renderer.SetBackground(1, 1, 1)
+    renderer.AddActor(actor)
+    low, high = np.array(grid.GetBounds()).reshape(3, 2).T
+    camera = renderer.GetActiveCamera()
+    camera.SetFocalPoint(*(low + high) / 2)
+    camera.SetPosition(*(low + high) / 2 + ((0.5, 0.7, 1) if high[2] > low[2] else (0, 0, 1)))
+    renderer.ResetCamera(*grid.GetBounds())
+    window = vtk.vtkRenderWindow()
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(0)
+    window.SetSize(400, 400)
+    window.AddRenderer(renderer)
+    window.Render()
+    image = vtk.vtkWindowToImageFilter()
+    image.SetInput(window)
+    image.ReadFrontBufferOff()
+    image.Update()
+    return vtk_to_numpy(image.GetOutput().GetPointData().GetScalars()).astype(int).reshape(400, 400, 3)
+
+
+@contextlib.contextmanager
+def screen():
+    """A screen of its own, which VTK needs even for pictures that nobody sees."""
+    theirs, ours = os.pipe()
+    ends_with_us = lambda: ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+    with subprocess.Popen(["Xvfb", "-displayfd", str(ours), "-screen", "0", "640x480x24", "-nolisten", "tcp", "-noreset"], pass_fds=[ours],
+                          preexec_fn=ends_with_us, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:  # fmt: skip
+        os.close(ours)
+        with os.fdopen(theirs) as number:
+            os.environ["DISPLAY"] = ":" + number.readline().strip()
+        try:
+            yield
+        finally:
+            server.terminate()
+
+
 def check_measure(path, measure, cells):
     grid = read(path)
     dimensions = vtk_to_numpy(grid.GetCellData().GetArray("dimension"))
@@ -156,5 +244,8 @@ if sys.argv[1] in ("map", "outward", "drawn"):
         {"map": check_map, "outward": check_outward, "drawn": check_drawn}[sys.argv[1]](file)
 elif sys.argv[1] == "boundary":
     check_boundary(sys.argv[2])
+elif sys.argv[1] == "pictures":
+    with screen():
+        check_pictures(sys.argv[2])
 else:
     check_measure(sys.argv[2], float(sys.argv[3]), int(sys.argv[4]))

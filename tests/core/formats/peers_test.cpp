@@ -88,6 +88,23 @@ TEST(Vtu, BoundaryFacesHaveTheValuesOfTheirCells) {
     }
 }
 
+// Boundary elements lie on the cells, so they would show where they had other colours.
+TEST(Vtu, PicturesHaveNoSpeckles) {
+  if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  if (std::system("command -v Xvfb >/dev/null") != 0) GTEST_SKIP() << "SKIPPED: there is no screen to draw on (xvfb)";
+  const test::Folder folder;
+  for (const char* name : {"sphere_p3", "demo", "annulus_p3"}) {
+    const auto mesh = formats::read_file(test::source_file(std::string("tests/cases/") + name + ".msh"));
+    ASSERT_TRUE(mesh) << mesh.error().sentence;
+    std::vector<double> values(mesh->mesh.element_count(mesh->mesh.dimension));
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = double(i);
+    const formats::CellField field{"number", values};
+    const std::string file = folder.file(std::string(name) + ".vtu");
+    ASSERT_TRUE(formats::write_file(mesh->mesh, Format::Vtu, file, {&field, 1}));
+    EXPECT_EQ(run_script("check_vtu.py", "pictures '" + file + "'"), 0) << name;
+  }
+}
+
 TEST(Vtu, VtkMeasuresTheWholeMesh) {
   if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
   const test::Folder folder;
