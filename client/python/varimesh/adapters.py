@@ -216,10 +216,12 @@ class VtkGrid:
     @classmethod
     def of_pyvista(cls, grid: Any) -> VtkGrid:
         data = getattr(grid, "cell_data", {})
-        groups = {"gmsh:physical": np.asarray(data["gmsh:physical"], dtype=np.int64)} if "gmsh:physical" in data else {}
-        return cls(_three_columns(grid.points), np.asarray(grid.celltypes, dtype=np.uint8),
-                   np.asarray(grid.offset, dtype=np.int64)[1:], np.asarray(grid.cell_connectivity, dtype=np.int64),
-                   groups, {}, "2.1")  # fmt: skip
+        kept = {"gmsh:physical": np.asarray(data["gmsh:physical"], dtype=np.int64)} if "gmsh:physical" in data else {}
+        kinds = np.asarray(grid.celltypes, dtype=np.uint8)
+        if "element" in data:
+            kept["element"] = _pieces(kinds, np.asarray(data["element"]))
+        return cls(_three_columns(grid.points), kinds, np.asarray(grid.offset, dtype=np.int64)[1:],
+                   np.asarray(grid.cell_connectivity, dtype=np.int64), kept, {}, "2.1")  # fmt: skip
 
     @classmethod
     def of_meshio(cls, blocks: list[tuple[str, NDArray[np.int32]]], mesh: Any) -> VtkGrid:
@@ -233,8 +235,10 @@ class VtkGrid:
                 for key in ("gmsh:physical", "gmsh:geometrical") if key in data}  # fmt: skip
         fields = {name: (int(value[0]), int(value[1]))
                   for name, value in (getattr(mesh, "field_data", {}) or {}).items()}  # fmt: skip
-        return cls(_three_columns(mesh.points),
-                   np.concatenate([np.full(len(nodes), _TYPE_OF[name], dtype=np.uint8) for name, nodes in blocks]),
+        kinds = np.concatenate([np.full(len(nodes), _TYPE_OF[name], dtype=np.uint8) for name, nodes in blocks])
+        if "element" in data:
+            kept["element"] = _pieces(kinds, np.concatenate([np.asarray(part) for part in data["element"]]))
+        return cls(_three_columns(mesh.points), kinds,
                    np.cumsum(counts), np.concatenate([nodes.ravel() for _, nodes in blocks], dtype=np.int64), kept, fields, "1.0")  # fmt: skip
 
     def to_vtu(self) -> bytes:
@@ -256,6 +260,13 @@ class VtkGrid:
                 f'<Piece NumberOfPoints="{len(self.points)}" NumberOfCells="{len(self.types)}">\n'
                 f"<Points>\n{points}</Points>\n<Cells>\n{cells}</Cells>\n<CellData>\n{data}</CellData>\n"
                 "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n").encode()  # fmt: skip
+
+
+def _pieces(kinds: NDArray[np.uint8], elements: NDArray[Any]) -> NDArray[np.int64]:
+    """The numbers 1, 2, … of the cells, but 0 for pieces of curved lines that go on from the cell before: VariMesh writes
+    them so, with the element 0."""
+    line = 3
+    return np.where((kinds == line) & (elements.ravel() == 0), 0, np.arange(1, len(kinds) + 1))
 
 
 def _only_in_files(meshio_name: str) -> bool:

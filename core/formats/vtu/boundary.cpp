@@ -92,109 +92,101 @@ std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh) {
   const Sides sides(mesh);
   std::vector<std::int64_t> cells;
   for_elements(mesh, mesh.dimension - 1, [&](const ElementBlock& block, const std::int32_t* nodes) {
-    cells.push_back(sides.at(block, nodes).cell);
+    cells.insert(cells.end(), pieces_of(mesh, block), sides.at(block, nodes).cell);
   });
   return cells;
 }
 
-bool is_written_straight(const HighOrderMesh& mesh, const ElementBlock& block) {
-  return mesh.dimension == 2 && block.shape == Shape::Line && block.order > 1;
+std::size_t pieces_of(const HighOrderMesh& mesh, const ElementBlock& block) {
+  return mesh.dimension == 2 && block.shape == Shape::Line ? static_cast<std::size_t>(block.order) : 1;
 }
 
-std::vector<std::int32_t> loose_lines(const HighOrderMesh& mesh) {
-  std::vector<std::int32_t> list;
-  if (std::ranges::none_of(mesh.blocks, [&](const auto& block) { return is_written_straight(mesh, block); }))
-    return list;
-  const Sides sides(mesh);
-  std::int32_t place = 0;
-  for_elements(mesh, 1, [&](const ElementBlock& block, const std::int32_t* nodes) {
-    const std::span own(nodes, nodes_per_element(block));
-    const Side& side = sides.at(block, nodes);
-    const bool on_edge =
-        side.cell >= 0 && side.block->order == block.order && std::ranges::equal(line_on(side, nodes[0]), own);
-    if (block.order > 1 && !on_edge) {
-      list.insert(list.end(), {place, block.order});
-      list.insert(list.end(), own.begin(), own.end());
-    }
-    ++place;
-  });
-  return list;
+VtkCell vtk_pieces(int order) {
+  VtkCell cell = vtk_cell(Shape::Line, 1);
+  cell.nodes.clear();
+  // A line has its ends first, and then the nodes between them.
+  for (int piece = 0; piece < order; ++piece)
+    for (const int place : {piece, piece + 1}) cell.nodes.push_back(place == 0 ? 0 : place == order ? 1 : place + 1);
+  return cell;
 }
 
 namespace {
 
-/// The lines of a list, by their places.
-class ListedLines {
- public:
-  ListedLines(const HighOrderMesh& mesh, const std::vector<std::int32_t>& list, FileAllowance& allowance) {
-    for (std::size_t at = 0; at < list.size();) {
-      const std::int32_t order = at + 1 < list.size() ? list[at + 1] : 0;
-      const std::size_t count = order >= 1 && order <= kMaxOrder ? std::size_t(order) + 1 : list.size();
-      if (at + 2 + count > list.size()) fail("ends within a line, or has an order that no line has");
-      const std::span nodes(list.data() + at + 2, count);
-      const auto is_there = [&](std::int32_t node) { return node >= 0 && std::size_t(node) < mesh.node_count(); };
-      if (std::ranges::all_of(nodes, is_there)) {
-        allowance.take(1, kTreeNode);
-        lines_[list[at]] = nodes;
+/// Adds a line with these nodes, and with the groups of the block `like`.
+void add_line(std::vector<ElementBlock>& blocks, const ElementBlock& like, std::int64_t number,
+              const std::vector<std::int32_t>& nodes, FileAllowance& allowance) {
+  const int order = int(nodes.size()) - 1;
+  const auto fits = [&](const ElementBlock& last) {
+    return last.shape == Shape::Line && last.order == order && last.entity == like.entity &&
+           last.physical == like.physical;
+  };
+  if (blocks.empty() || !fits(blocks.back())) {
+    allowance.take(1, sizeof(ElementBlock));
+    blocks.push_back({Shape::Line, order, like.entity, like.physical, {}, {}, {}, {}});
+  }
+  ElementBlock& block = blocks.back();
+  allowance.make_room(block.numbers, 1);
+  allowance.make_room(block.nodes, nodes.size());
+  block.numbers.push_back(number);
+  block.nodes.insert(block.nodes.end(), nodes.begin(), nodes.end());
+}
+
+/// Joins the pieces of lines: each that has the number kNextPiece goes on where the one before ends.
+void join_pieces(HighOrderMesh& mesh, FileAllowance& allowance) {
+  std::int64_t largest = 0;
+  bool has_pieces = false;
+  for (const ElementBlock& block : mesh.blocks)
+    for (const std::int64_t number : block.numbers) {
+      largest = std::max(largest, number);
+      has_pieces = has_pieces || number == kNextPiece;
+    }
+  if (!has_pieces) return;
+  std::vector<ElementBlock> blocks;
+  for (ElementBlock& block : mesh.blocks) {
+    if (block.shape != Shape::Line || block.order != 1) {
+      blocks.push_back(std::move(block));
+      continue;
+    }
+    for (std::size_t e = 0; e < block.size();) {
+      std::vector<std::int32_t> nodes = {block.nodes[2 * e], block.nodes[2 * e + 1]};
+      const std::int64_t number = block.numbers[e] == kNextPiece ? ++largest : block.numbers[e];
+      for (++e; e < block.size() && block.numbers[e] == kNextPiece && block.nodes[2 * e] == nodes[1] &&
+                std::ssize(nodes) <= kMaxOrder;
+           ++e) {
+        nodes.push_back(nodes[1]);
+        nodes[1] = block.nodes[2 * e + 1];
       }
-      at += 2 + count;
+      add_line(blocks, block, number, nodes, allowance);
     }
   }
-
-  /// The nodes of the line at this place if it has these ends; otherwise nothing.
-  std::span<const std::int32_t> at(std::int32_t place, const std::int32_t* ends) const {
-    const auto found = lines_.find(place);
-    if (found == lines_.end() || found->second[0] != ends[0] || found->second[1] != ends[1]) return {};
-    return found->second;
-  }
-
- private:
-  [[noreturn]] static void fail(const std::string& what) {
-    throw ReadFailure{"The mesh file cannot be read: its list of curved lines, " + std::string(kVtkLines) + ", " +
-                      what + ". Write the file again, or remove the list."};
-  }
-
-  std::map<std::int32_t, std::span<const std::int32_t>> lines_;
-};
+  mesh.blocks = std::move(blocks);
+}
 
 }  // namespace
 
-void curve_lines(HighOrderMesh& mesh, const std::vector<std::int32_t>& listed, FileAllowance& allowance) {
+void curve_lines(HighOrderMesh& mesh, FileAllowance& allowance) {
+  join_pieces(mesh, allowance);
   const auto is_straight = [](const ElementBlock& block) { return block.shape == Shape::Line && block.order == 1; };
   const auto is_curved = [](const ElementBlock& block) {
     return reference::info(block.shape).dimension == 2 && block.order > 1;
   };
   if (mesh.dimension != 2 || std::ranges::none_of(mesh.blocks, is_straight) ||
-      (listed.empty() && std::ranges::none_of(mesh.blocks, is_curved)))
+      std::ranges::none_of(mesh.blocks, is_curved))
     return;
-  const ListedLines list(mesh, listed, allowance);
   for (const ElementBlock& block : mesh.blocks)
     if (is_straight(block)) allowance.take(block.size(), kTreeNode + sizeof(Side));
   const Sides sides(mesh);
   std::vector<ElementBlock> blocks;
-  std::int32_t place = 0;
   for (ElementBlock& block : mesh.blocks) {
     if (!is_straight(block)) {
-      if (block.shape == Shape::Line) place += std::int32_t(block.size());
       blocks.push_back(std::move(block));  // its nodes stay where they are, so `sides` may refer to them
       continue;
     }
     for (std::size_t e = 0; e < block.size(); ++e) {
       const std::int32_t* ends = block.nodes.data() + 2 * e;
       const Side& side = sides.at(block, ends);
-      const std::span<const std::int32_t> own = list.at(place++, ends);
-      const std::vector<std::int32_t> nodes = !own.empty()     ? std::vector(own.begin(), own.end())
-                                              : side.cell >= 0 ? line_on(side, ends[0])
-                                                               : std::vector{ends[0], ends[1]};
-      const int order = int(nodes.size()) - 1;
-      if (e == 0 || blocks.back().order != order) {
-        allowance.take(1, sizeof(ElementBlock));
-        blocks.push_back({block.shape, order, block.entity, block.physical, {}, {}, {}, {}});
-      }
-      allowance.make_room(blocks.back().numbers, 1);
-      allowance.make_room(blocks.back().nodes, nodes.size());
-      blocks.back().numbers.push_back(block.numbers[e]);
-      blocks.back().nodes.insert(blocks.back().nodes.end(), nodes.begin(), nodes.end());
+      const std::vector<std::int32_t> nodes = side.cell >= 0 ? line_on(side, ends[0]) : std::vector{ends[0], ends[1]};
+      add_line(blocks, block, block.numbers[e], nodes, allowance);
     }
   }
   mesh.blocks = std::move(blocks);

@@ -1,31 +1,33 @@
 // The elements of the boundary in VTU files: which cell has each, and lines in plane meshes. VTK 9.1 crashes when it
-// draws curved lines (types 21, 35 and 68) with subdivisions, and meshio does not read polylines. So curved lines are
-// written as straight ones, with their ends. When they are read, they get the nodes between from the cell that has the
-// edge, or, if no cell has it, from a list in the file. Internal to core/formats.
+// draws curved lines (types 21, 35 and 68) with subdivisions, and meshio does not read polylines. So a line of order P
+// is written as P straight pieces from node to node. The first has the number of the line, and the others kNextPiece.
+// Internal to core/formats.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "core/formats/common/file_allowance.h"
+#include "core/formats/vtu/cells.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
 
-/// For each element of the boundary, block by block, the number of a cell with the same side; −1 if there is none.
+/// For each cell of the file that is an element of the boundary or a piece of one, block by block, the number of a cell
+/// with the same side; −1 if there is none.
 std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh);
 
-/// Whether the lines of the block are written as straight ones.
-bool is_written_straight(const HighOrderMesh& mesh, const ElementBlock& block);
+/// How many cells of the file an element of the block is.
+std::size_t pieces_of(const HighOrderMesh& mesh, const ElementBlock& block);
+/// The number of a piece that goes on where the one before it ends.
+inline constexpr std::int64_t kNextPiece = 0;
+/// The cells that a line of this order is: the nodes of all pieces.
+VtkCell vtk_pieces(int order);
 
-/// The list of the curved lines, in a mesh of dimension 2, that lie on no edge of a cell. Each has its place among all
-/// lines of the mesh, its order, and its nodes.
-std::vector<std::int32_t> loose_lines(const HighOrderMesh& mesh);
-
-/// Gives lines of order 1 in a mesh of dimension 2 the nodes that are listed for them, or those of the edge of a cell
-/// of higher order with the same ends. A listed line with other ends, or with nodes that the mesh does not have, is
-/// left out: another program has changed the file. Throws ReadFailure if the list is damaged, or if this takes more
-/// memory than the file allows.
-void curve_lines(HighOrderMesh& mesh, const std::vector<std::int32_t>& listed, FileAllowance& allowance);
+/// Joins the pieces of lines. Other lines of order 1 in a mesh of dimension 2 get the nodes of the edge of a cell of
+/// higher order with the same ends: programs write them so. Throws ReadFailure if this takes more memory than the file
+/// allows.
+void curve_lines(HighOrderMesh& mesh, FileAllowance& allowance);
 
 }  // namespace varimesh::formats

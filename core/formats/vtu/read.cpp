@@ -39,7 +39,7 @@ class Reading {
     drop_added_points();
     for (const ElementBlock& block : mesh_.blocks)
       mesh_.dimension = std::max(mesh_.dimension, reference::info(block.shape).dimension);
-    curve_lines(mesh_, lines_, allowance_);
+    curve_lines(mesh_, allowance_);
     for (const ElementBlock& block : mesh_.blocks)
       if (reference::info(block.shape).dimension == mesh_.dimension) mesh_.order = block.order;
     allowance_.take(mesh_.node_count(), sizeof(std::int64_t));
@@ -138,9 +138,10 @@ class Reading {
     if (!are_unique(numbers_)) numbers_.clear();
     for (const VtkArray& array : declared_.field_data) {
       if (array.type.starts_with("Float") || array.components > 2) continue;
-      if (array.name == kVtkPyramids) read_pyramids(array);
-      if (array.name == kVtkLines) lines_ = values<std::int32_t>(array, std::nullopt);
-      if (array.name == kVtkPyramids || array.name == kVtkLines) continue;
+      if (array.name == kVtkPyramids) {
+        read_pyramids(array);
+        continue;
+      }
       const auto group = fitting<std::int32_t>(array, std::nullopt);
       if (!group || group->size() != 2 || (*group)[0] < 1 || (*group)[1] < 0 || (*group)[1] > 3) continue;
       mesh_.physical_groups.push_back({(*group)[1], (*group)[0], array.name});
@@ -148,12 +149,15 @@ class Reading {
   }
 
   bool are_unique(const std::vector<std::int64_t>& numbers) {
-    if (std::any_of(numbers.begin(), numbers.end(), [](std::int64_t number) { return number <= 0; })) return false;
+    for (std::size_t i = 0; i < numbers.size(); ++i)
+      if (numbers[i] <= 0 && (numbers[i] != kNextPiece || i == 0 || types_[i] != kLine || types_[i - 1] != kLine))
+        return false;
     if (std::is_sorted(numbers.begin(), numbers.end(), std::less_equal<>())) return true;
     allowance_.take(numbers.size(), sizeof numbers[0]);
     std::vector<std::int64_t> sorted = numbers;
     std::sort(sorted.begin(), sorted.end());
-    const bool unique = std::adjacent_find(sorted.begin(), sorted.end()) == sorted.end();
+    const auto same = [](auto one, auto other) { return one == other && one != kNextPiece; };
+    const bool unique = std::adjacent_find(sorted.begin(), sorted.end(), same) == sorted.end();
     allowance_.give_back(sorted.size() * sizeof sorted[0]);
     return unique;
   }
@@ -307,7 +311,7 @@ class Reading {
   }
 
   /// VTK's type of hexahedra that have no nodes inside their faces.
-  static constexpr std::uint8_t kHexahedron20 = 25;
+  static constexpr std::uint8_t kLine = 3, kHexahedron20 = 25;
 
   /// VTK's cell has not all nodes of a pyramid of order 3 and above. VariMesh's files list them.
   void add_listed_pyramid(std::vector<std::int32_t>& nodes, std::size_t each, std::size_t cell) {
@@ -371,7 +375,7 @@ class Reading {
   FileAllowance& allowance_;
   const Team& team_;
   HighOrderMesh mesh_;
-  std::vector<std::int32_t> physical_, entities_, pyramids_, lines_;  // empty if the file has none
+  std::vector<std::int32_t> physical_, entities_, pyramids_;  // empty if the file has none
   std::vector<std::int64_t> offsets_, numbers_;
   std::vector<std::uint8_t> types_;
   VtkKind kind_;  // of the cells that are being read

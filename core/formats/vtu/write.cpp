@@ -79,7 +79,7 @@ class Grid {
   bool are_many() const { return std::int64_t(points) > kMostNodes; }
   static Sizes sizes(const HighOrderMesh& mesh);
   static VtkCell cell_of(const HighOrderMesh& mesh, const ElementBlock& block) {
-    return is_written_straight(mesh, block) ? vtk_cell(Shape::Line, 1) : vtk_cell(block);
+    return pieces_of(mesh, block) > 1 ? vtk_pieces(block.order) : vtk_cell(block);
   }
   VtkCell cell_of(const ElementBlock& block) const { return cell_of(mesh_, block); }
   Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, Sizes sizes);
@@ -129,7 +129,7 @@ Grid::Sizes Grid::sizes(const HighOrderMesh& mesh) {
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
     const std::vector<int> nodes = cell_of(mesh, block).nodes;
-    all.cells += block.size();
+    all.cells += block.size() * pieces_of(mesh, block);
     all.nodes += block.size() * nodes.size();
     all.points += block.size() * std::size_t(std::count(nodes.begin(), nodes.end(), -1));
   }
@@ -160,10 +160,6 @@ Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const T
   }
   add_groups();
   list_pyramids();
-  if (const auto lines = loose_lines(mesh); !lines.empty()) {
-    field_data.push_back(make(kVtkLines, "Int32"));
-    for (const std::int32_t value : lines) field_data.back().put(value);
-  }
   // meshio moves arrays to other offsets, which are multiples of 4, and confuses those with offsets of the file. So no
   // array but the first begins at a multiple of 4.
   coordinates.pad(field_data.empty() ? 1 : 0);
@@ -199,11 +195,12 @@ void Grid::add_block(const ElementBlock& block) {
   const VtkCell cell = cell_of(block);
   const auto physical = std::int32_t(block.physical.empty() ? 0 : block.physical.front());
   const std::int32_t numbers[] = {physical, physical, block.entity, reference::info(block.shape).dimension};
-  cells += block.size();
-  for (std::size_t e = 0; e < block.size(); ++e) {
-    topology[0].put(offset_ += std::int64_t(cell.nodes.size()));
+  const std::size_t pieces = pieces_of(mesh_, block);
+  cells += block.size() * pieces;
+  for (std::size_t i = 0; i < block.size() * pieces; ++i) {
+    topology[0].put(offset_ += std::int64_t(cell.nodes.size() / pieces));
     topology[1].put(cell.type);
-    cell_data[0].put(block.numbers[e]);
+    cell_data[0].put(i % pieces == 0 ? block.numbers[i / pieces] : kNextPiece);
     for (std::size_t k = 0; k < 4; ++k) cell_data[k + 1].put(numbers[k]);
   }
 }

@@ -22,8 +22,6 @@ std::string not_in_vtu(const HighOrderMesh& mesh);
 /// The name of a list in the file that VTK passes on and does not use: all nodes of each pyramid of order 3 and above,
 /// in Gmsh's order. VTK's cell has only some of them.
 inline constexpr const char* kVtkPyramids = "varimesh:pyramids";
-/// The same for loose_lines() of plane meshes.
-inline constexpr const char* kVtkLines = "varimesh:lines";
 
 /// The additional points of a pyramid of order 2 and above, in the order of the −1 of VtkCell::nodes: a matrix for the
 /// nodes of the pyramid, one row per point.

@@ -30,10 +30,10 @@ def read_with_vtk(file):
     reader.SetFileName(str(file))
     reader.Update()
     grid = reader.GetOutput()
-    cells = grid.GetCells()
+    cells, data = grid.GetCells(), grid.GetCellData()
     return types.SimpleNamespace(
         points=vtk_to_numpy(grid.GetPoints().GetData()).copy(), celltypes=vtk_to_numpy(grid.GetCellTypesArray()).copy(),
-        offset=vtk_to_numpy(cells.GetOffsetsArray()).copy(), cell_data={},
+        offset=vtk_to_numpy(cells.GetOffsetsArray()).copy(), cell_data={data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)).copy() for i in range(data.GetNumberOfArrays())},
         cell_connectivity=vtk_to_numpy(cells.GetConnectivityArray()).copy())
 
 
@@ -154,6 +154,18 @@ class Meshio(support.WithServer):
             self.assertEqual(again.groups, result.mesh.groups)
             self.assertEqual([(block.shape, block.nodes.tolist()) for block in again.blocks],
                              [(block.shape, block.nodes.tolist()) for block in result.mesh.blocks], case)
+
+    def test_curved_lines_of_a_vtu_file_are_whole(self):
+        """They are several straight cells in the file."""
+        import meshio
+
+        for case in ("nine_triangles.msh", "annulus_p3.msh"):
+            file = self.folder / f"{case}.vtu"
+            self.client.quality(CASES / case, file)
+            of_file, of_meshio = self.client.optimise(CASES / case, max_iterations=0).mesh, self.client._as_mesh(meshio.read(file))
+            np.testing.assert_array_equal(of_meshio.nodes, meshio.read(file).points)
+            lines = [[len(block.nodes) for block in mesh.blocks if block.shape == "line"] for mesh in (of_file, of_meshio)]
+            self.assertEqual(sum(lines[0]), sum(lines[1]), case)
 
     def test_gives_the_same_result_as_the_file(self):
         import meshio

@@ -165,8 +165,8 @@ def check_pictures(path):
         shown = (alone < 255).any(axis=2).sum()
         assert shown > 10_000, path
         share = lambda other: strange(alone, other).sum() / shown
-        assert share(drawn) < 0.001, "%s: %g of the picture differs at level %d" % (path, share(drawn), level)
-        assert share(picture(spotted, level, values)) > 0.002, "%s: the comparison sees no speckles at level %d" % (path, level)
+        assert share(drawn) < 0.0005, "%s: %g of the picture differs at level %d" % (path, share(drawn), level)
+        assert share(picture(spotted, level, values)) > 0.001, "%s: the comparison sees no speckles at level %d" % (path, level)
 
 
 def strange(picture, other):

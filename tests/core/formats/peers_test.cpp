@@ -93,7 +93,7 @@ TEST(Vtu, PicturesHaveNoSpeckles) {
   if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
   if (std::system("command -v Xvfb >/dev/null") != 0) GTEST_SKIP() << "SKIPPED: there is no screen to draw on (xvfb)";
   const test::Folder folder;
-  for (const char* name : {"sphere_p3", "demo", "annulus_p3"}) {
+  for (const char* name : {"sphere_p3", "demo", "annulus_p3", "circle_p5"}) {
     const auto mesh = formats::read_file(test::source_file(std::string("tests/cases/") + name + ".msh"));
     ASSERT_TRUE(mesh) << mesh.error().sentence;
     std::vector<double> values(mesh->mesh.element_count(mesh->mesh.dimension));

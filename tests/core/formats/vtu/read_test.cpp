@@ -103,8 +103,8 @@ std::vector<int> types_in(const std::string& bytes) {
   return {std::istream_iterator<int>(types), {}};
 }
 
-// Lines at the edge of cells are straight in the file, whichever way they go. Those that no cell has keep their nodes.
-TEST(VtuRead, GivesLinesTheNodesOfTheirCells) {
+// A line of order P is P lines in the file, whichever way it goes and whether a cell has it or not.
+TEST(VtuRead, JoinsThePiecesOfLines) {
   HighOrderMesh mesh = test::one_cell(Shape::Triangle, 3);
   mesh.blocks.push_back({Shape::Line, 3, 1, {5}, {11, 12}, {0, 1, 3, 4, 2, 1, 6, 5}, {}, {}});
   const std::string bytes = test::written(mesh, Format::Vtu);
@@ -114,36 +114,31 @@ TEST(VtuRead, GivesLinesTheNodesOfTheirCells) {
   expect_same_elements(mesh, read_back(loose), "a line with other nodes than the cell");
   if (std::system("/usr/bin/python3 -c 'import vtk' >/dev/null 2>&1") != 0)
     GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
-  EXPECT_EQ(types_in(bytes), (std::vector{69, 3, 3}));
-  EXPECT_EQ(types_in(loose), (std::vector{69, 3, 3, 3})) << "VTK 9.1 crashes at curved lines";
+  EXPECT_EQ(types_in(bytes), (std::vector{69, 3, 3, 3, 3, 3, 3}));
+  EXPECT_EQ(types_in(loose), (std::vector{69, 3, 3, 3, 3, 3, 3, 3, 3, 3})) << "VTK 9.1 crashes at curved lines";
 }
 
-TEST(VtuRead, ListedLinesThatDoNotFitAreRefusedOrLeftOut) {
-  HighOrderMesh mesh = test::one_cell(Shape::Triangle, 2);
-  mesh.coordinates.insert(mesh.coordinates.end(), {2, 0, 0});
-  mesh.node_numbers.push_back(7);
-  mesh.node_blocks.back().count += 1;
-  mesh.blocks.push_back({Shape::Line, 2, 1, {5}, {11}, {0, 1, 6}, {}, {}});
-  const std::vector<std::int32_t> list = formats::loose_lines(mesh);
-  EXPECT_EQ(list, (std::vector<std::int32_t>{0, 2, 0, 1, 6}));
-  expect_same_elements(mesh, read_back(test::written(mesh, Format::Vtu)), "a line beside the cell's edge");
-  mesh.blocks.back() = {Shape::Line, 1, 1, {5}, {11}, {0, 1}, {}, {}};
-  const auto order_with = [&](const std::vector<std::int32_t>& listed) {
-    HighOrderMesh curved = mesh;
-    formats::FileAllowance allowance(1000);
-    formats::curve_lines(curved, listed, allowance);
-    return curved.blocks.back().nodes;
-  };
-  EXPECT_EQ(order_with(list), (std::vector<std::int32_t>{0, 1, 6}));
-  const std::vector<std::int32_t> of_edge = order_with({});
-  EXPECT_EQ(of_edge.size(), 3U);
-  EXPECT_EQ(order_with({0, 2, 1, 2, 6}), of_edge) << "other ends";
-  EXPECT_EQ(order_with({7, 2, 0, 1, 6}), of_edge) << "another place";
-  EXPECT_EQ(order_with({0, 2, 0, 1, 7}), of_edge) << "a program that dropped points kept the list";
-  EXPECT_EQ(order_with({0, 2, 0, 1, -1}), of_edge);
-  for (const std::vector<std::int32_t>& wrong :
-       {std::vector<std::int32_t>{0}, {0, 2, 0, 1}, {0, 99, 0, 1, 6}, {0, -1, 0}})
-    EXPECT_THROW(order_with(wrong), ReadFailure);
+/// The lines that are made of these.
+std::vector<ElementBlock> joined(const std::vector<std::int64_t>& numbers, const std::vector<std::int32_t>& nodes) {
+  HighOrderMesh mesh = test::one_cell(Shape::Triangle, 3);
+  mesh.blocks.push_back({Shape::Line, 1, 1, {5}, numbers, nodes, {}, {}});
+  formats::FileAllowance allowance(1000);
+  formats::curve_lines(mesh, allowance);
+  return {mesh.blocks.begin() + 1, mesh.blocks.end()};
+}
+
+TEST(VtuRead, PiecesThatDoNotFitAreLinesOfTheirOwn) {
+  const auto whole = joined({11, 0, 0}, {0, 3, 3, 4, 4, 1});
+  ASSERT_EQ(whole.size(), 1U);
+  EXPECT_EQ(whole[0].nodes, (std::vector<std::int32_t>{0, 1, 3, 4}));
+  EXPECT_EQ(whole[0].numbers, std::vector<std::int64_t>{11});
+  const auto broken = joined({11, 0, 0}, {0, 3, 3, 4, 5, 6});
+  ASSERT_EQ(broken.size(), 2U);
+  EXPECT_EQ(broken[0].nodes, (std::vector<std::int32_t>{0, 4, 3}));
+  EXPECT_EQ(broken[1].nodes, (std::vector<std::int32_t>{5, 6}));
+  EXPECT_EQ(broken[1].numbers, std::vector<std::int64_t>{12}) << "after the largest number";
+  const auto straight = joined({11}, {0, 1});
+  EXPECT_EQ(straight[0].nodes, (std::vector<std::int32_t>{0, 1, 3, 4})) << "the edge of the cell";
 }
 
 TEST(VtuRead, RefusesPyramidsWhoseInnerNodesAreNotListed) {
