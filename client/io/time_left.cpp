@@ -33,13 +33,20 @@ void TimeLeft::note(const v1::Work& work, Clock::time_point now) {
 }
 
 std::optional<double> TimeLeft::seconds(Clock::time_point now) const {
-  return end_ ? std::optional(std::max(0.0, seconds_between(now, *end_))) : std::nullopt;
+  constexpr double kLate = 0.5;
+  if (!end_ || seconds_between(*end_, now) > kLate) return std::nullopt;
+  return std::max(0.0, seconds_between(now, *end_));
 }
 
 std::optional<double> TimeLeft::share(Clock::time_point now) {
-  if (!end_) return share_;
-  const double passed = seconds_between(began_, now), whole = std::max(passed, seconds_between(began_, *end_));
-  share_ = std::max(share_.value_or(0), whole > 0 ? passed / whole : 0);
+  const double passed = seconds_between(began_, now);
+  if (end_) {
+    const double whole = std::max(passed, seconds_between(began_, *end_));
+    share_ = std::max(share_.value_or(0), whole > 0 ? passed / whole : 0);
+    known_ = {passed, *share_};
+  } else if (share_ && passed > known_.passed) {
+    share_ = std::max(*share_, known_.share + (1 - known_.share) * (1 - known_.passed / passed));
+  }
   return share_;
 }
 

@@ -31,9 +31,9 @@ constexpr int kRoundsInVain = 5;
 constexpr double kUnclearRounds = 4, kMostRounds = 6;
 /// Another descent begins where the last one ended. Few follow the second.
 constexpr double kNextDescent = 0.8, kLaterDescent = 0.3;
-/// Other ways take as long as the run before them, as a rule.
-constexpr double kOtherWays = 1;
-/// If they take longer: this share of what they have taken is left.
+/// Other ways together take as long as the run before them, as a rule, and at most twice as long.
+constexpr double kOtherWays = 1, kMostOtherWays = 2;
+/// If one takes longer than the others: this share of what it has taken is left of it.
 constexpr double kOverdue = 0.2;
 
 }  // namespace
@@ -156,17 +156,35 @@ void Forecast::round(double move, double rest, bool another, const State& state)
 void Forecast::expect(double left, const State& state) {
   left_ = left + (state.hopes ? kOtherWays * (state.now + left) : 0) + end_;
   left_at_ = state.now;
+  past_.add(left_at_, *left_);
 }
 
-void Forecast::other_ways(double now) {
-  left_ = kOtherWays * now;
+double Forecast::way_time() const {
+  return ended_ways_.count() > 0 ? ended_ways_.mean(kKept) : kOtherWays * run_ / ways_;
+}
+
+double Forecast::most_of_ways(double now) const { return kMostOtherWays * run_ - (now - run_); }
+
+void Forecast::other_way(double now, int ways) {
+  if (ways_ == 0)
+    run_ = now;
+  else
+    ended_ways_.add(now - way_began_, 1);
+  ways_ = ways;
+  way_began_ = now;
+  left_ = std::min(ways * way_time(), most_of_ways(now));
   left_at_ = now;
-  tries_others_ = true;
+  past_.add(now, *left_);
 }
 
 std::optional<double> Forecast::seconds_left(double now) const {
   std::optional<double> left;
-  if (left_) left = std::max(tries_others_ ? kOverdue * (now - left_at_) : 0.0, *left_ - (now - left_at_));
+  if (left_ && past_.agree()) left = *left_ - (now - left_at_);
+  // A way that takes longer than the others will not end at once.
+  if (left && ways_ > 0)
+    left = std::min(most_of_ways(now), std::max(*left, kOverdue * (now - way_began_) + (ways_ - 1) * way_time()));
+  if (left && *left < -PastForecasts::kSeconds) left.reset();
+  if (left) left = std::max(0.0, *left);
   if (rules_.time_limit <= 0) return left;
   const double limit = std::max(0.0, rules_.time_limit - now);
   if (left) return std::min(*left, limit);

@@ -5,6 +5,8 @@
 #include <deque>
 #include <optional>
 
+#include "core/forecast/past_forecasts.h"
+
 namespace varimesh {
 
 /// Forecasts the end of a run from what its method has done so far and what it usually does next. What is left is the
@@ -49,13 +51,14 @@ class Forecast {
   /// @param another  as it looks now, another descent will follow this one
   void round(double move, double rest, bool another, const State& state);
 
-  /// From `now` on, other ways are tried.
-  void other_ways(double now);
+  /// From `now` on, another way is tried, the first of at most so many.
+  void other_way(double now, int ways);
 
   /// What follows is not known to the forecast.
   void forget() { left_.reset(); }
 
-  /// The seconds that are left at this time, or nothing if nobody can tell.
+  /// The seconds that are left at this time, or nothing if nobody can tell. Nobody can if what was said so far was
+  /// wrong, and once the run has lasted longer than was said.
   std::optional<double> seconds_left(double now) const;
 
  private:
@@ -87,6 +90,10 @@ class Forecast {
   double after_energy(bool is_valid) const;
   double left_of_rounds(double move, double rest, const State& state) const;
   void expect(double left, const State& state);
+  /// How long each other way takes, as it looks now.
+  double way_time() const;
+  /// The longest that other ways may still take: their work has a bound.
+  double most_of_ways(double now) const;
 
   const Rules rules_;
   double end_ = 0;
@@ -94,10 +101,14 @@ class Forecast {
   Last sweeps_, newton_, untangling_, rounds_;
   int newton_steps_ = 0, all_rounds_ = 0;
   double descent_began_ = 0;
-  double last_descent_ = 0;     ///< How long the descent before took; 0: there was none.
+  double last_descent_ = 0;  ///< How long the descent before took; 0: there was none.
+  double run_ = 0;           ///< How long the run took before other ways.
+  int ways_ = 0;             ///< Other ways that are left, with the present one; 0: none was begun.
+  Last ended_ways_;
+  double way_began_ = 0;
   std::optional<double> left_;  ///< At left_at_.
   double left_at_ = 0;
-  bool tries_others_ = false;
+  PastForecasts past_;
 };
 
 }  // namespace varimesh

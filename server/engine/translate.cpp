@@ -92,7 +92,7 @@ v1::Work to_proto(const Work& work) {
   message.set_done(work.done);
   message.set_of(work.of);
   if (work.groups_left >= 0) message.set_groups_left(work.groups_left);
-  if (work.seconds_left >= 0) message.set_seconds_left(work.seconds_left);
+  if (work.seconds_left > 0) message.set_seconds_left(work.seconds_left);  // 0: the run lasts longer than it said
   return message;
 }
 

@@ -22,6 +22,7 @@ class Progress:
         self._tolerance = tolerance
         self._end: float | None = None  # when the job will end, on the monotonic clock
         self._share: float | None = None  # of its time has passed
+        self._known = (0.0, 0.0)  # the seconds that had passed, and the share, when the end was known last
         self._first = 0.0
         self._number = 0
         self._began = time.monotonic()
@@ -65,17 +66,23 @@ class Progress:
             return
         # The mesh of an iteration is a trial if cells would go back to where they are certified.
         trial = now.invalid_elements != now.left_elements or (now.left_elements == 0 and now.min_scaled_jacobian <= 0)
-        smallest = "" if trial else f"min Js {now.min_scaled_jacobian:>7.4f}  "
-        text = (f"{now.phase} {now.number:>4}  residual {now.residual:.2e}  {smallest}"
-                f"not certified {now.left_elements}  {now.seconds:.1f} s{left}")  # fmt: skip
+        smallest = "" if trial else f"  min Js <= {now.min_scaled_jacobian:>7.4f}"
+        head, residual = f"{now.phase} {now.number:>4}", f"  residual {now.residual:.2e}"
+        quality, seconds = f"{smallest}  not certified {now.left_elements}", f"  {now.seconds:.1f} s"
         if not self._terminal:
-            self._line(text)
+            self._line(head + residual + quality + seconds + left)
             return
         if now.seconds_left is not None:
             self._share = max(self._share or 0.0, now.seconds / max(now.seconds + now.seconds_left, 1e-9))
+            self._known = (now.seconds, self._share)
+        elif self._share is not None and now.seconds > self._known[0]:
+            passed, share = self._known
+            self._share = max(self._share, share + (1 - share) * (1 - passed / now.seconds))
         share = self._fallen(now.residual) if self._share is None else self._share
         filled = int(_WIDTH * min(1.0, max(0.0, share)))
-        self._draw("[" + "#" * filled + "." * (_WIDTH - filled) + "] " + text)
+        bar = "[" + "#" * filled + "." * (_WIDTH - filled) + "] "
+        self._draw(bar + head + residual + quality + seconds + left, bar + head + quality + seconds + left,
+                   head + quality + seconds + left, head + quality + left, head + quality, head)
 
     def _fallen(self, residual: float) -> float:
         """How far the residual has fallen towards the tolerance. It says how far a job has come that cannot tell its end."""
@@ -93,7 +100,7 @@ class Progress:
         amount = f"{100 * min(work.done, work.of) / work.of:.0f} %" if work.of > 0 else str(work.done)
         groups = "" if work.groups_left is None else f"  groups left {work.groups_left}"
         text = f"after {self._number:>4}  {work.activity} {amount}{groups}{left}"
-        self._draw(text) if self._terminal else self._line(text)
+        self._draw(text, text.removesuffix(left)) if self._terminal else self._line(text)
 
     def _interval(self) -> float:
         return 0.05 if self._terminal else 1.0
@@ -104,7 +111,10 @@ class Progress:
         self._shown = time.monotonic()
         return True
 
-    def _draw(self, line: str) -> None:
-        self._stream.write("\r\x1b[K" + line[: shutil.get_terminal_size().columns - 1])
+    def _draw(self, *lines: str) -> None:
+        """Draws the first line that fits, because a number that is cut says something else."""
+        width = shutil.get_terminal_size().columns - 1
+        line = next((line for line in lines if len(line) <= width), lines[-1][:width])
+        self._stream.write("\r\x1b[K" + line)
         self._stream.flush()
         self._open = True

@@ -94,8 +94,7 @@ class Attempts {
  public:
   Attempts(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop, Result& result)
       : set_up_(set_up), on_iteration_(on_iteration), control_(control), stop_(stop), result_(result) {
-    if (control_.forecast != nullptr) control_.forecast->other_ways(result.seconds);
-    control_.forecast = nullptr;  // of what the ways do by themselves it knows nothing
+    forecast_ = std::exchange(control_.forecast, nullptr);  // of what the ways do by themselves it knows nothing
     control_.checkpoint = {};
     control_.checkpoint_due = nullptr;
     control_.save_checkpoint = nullptr;
@@ -112,6 +111,8 @@ class Attempts {
       const Result& so_far = best ? *best : result_;
       if (!may_go_on() || !is_wanted(so_far)) break;
       if (!is_for(each, so_far)) continue;
+      expect_ways(
+          std::count_if(&each, kWays.data() + kWays.size(), [&](const Way& way) { return is_for(way, so_far); }));
       std::optional<Result> other = run(options_of(each), set_up_.mesh.coordinates);
       if (!other) continue;
       tried_ += (tried_.empty() ? "" : ", ") + std::string(each.name);
@@ -127,6 +128,11 @@ class Attempts {
   }
 
  private:
+  /// Tells the forecast that another way begins, the first of at most so many.
+  void expect_ways(std::ptrdiff_t ways) const {
+    if (forecast_ != nullptr) forecast_->other_way(seconds(), static_cast<int>(ways));
+  }
+
   bool is_wanted(const Result& result) const {
     return leaves_hope(result) || may_rise(set_up_.options, result) || has_stayed(set_up_, result);
   }
@@ -220,6 +226,7 @@ class Attempts {
     if (may_go_on()) {
       most_work_ += work_;
       work_of_each_ = most_work_;  // this run is no attempt
+      expect_ways(1);
       std::optional<Result> whole = run(set_up_.options, best.mesh.coordinates);
       if (whole && !should_take(best, *whole)) best = std::move(*whole);
     }
@@ -253,6 +260,7 @@ class Attempts {
   SetUp& set_up_;
   const OnIteration& on_iteration_;
   RunControl control_;
+  Forecast* forecast_ = nullptr;
   StopToken& stop_;
   Result& result_;
   Stopwatch watch_;

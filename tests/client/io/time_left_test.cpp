@@ -22,7 +22,8 @@ TEST(TimeLeft, CountsDownWhatTheLastMessageSaid) {
   left.note(iteration(5, 30), kNow);
   EXPECT_DOUBLE_EQ(left.seconds(kNow).value(), 30);
   EXPECT_DOUBLE_EQ(left.seconds(kNow + seconds(10)).value(), 20);
-  EXPECT_DOUBLE_EQ(left.seconds(kNow + seconds(40)).value(), 0) << "later than expected";
+  EXPECT_DOUBLE_EQ(left.seconds(kNow + seconds(30)).value(), 0);
+  EXPECT_FALSE(left.seconds(kNow + seconds(40))) << "later than expected";
   v1::Work work;
   work.set_seconds_left(3);
   left.note(work, kNow + seconds(10));
@@ -48,6 +49,18 @@ TEST(TimeLeft, KnowsTheShareOfTheTimeThatHasPassedAndThatNeverFalls) {
   EXPECT_DOUBLE_EQ(left.share(kNow + seconds(11)).value(), 0.5) << "nothing is known any more";
   left.note(iteration(30, 10), kNow + seconds(20));
   EXPECT_DOUBLE_EQ(left.share(kNow + seconds(50)).value(), 1) << "later than expected";
+}
+
+TEST(TimeLeft, TheShareGrowsEverSlowerWhileTheEndIsUnknown) {
+  TimeLeft left;
+  left.note(iteration(10, 30), kNow);
+  EXPECT_DOUBLE_EQ(left.share(kNow).value(), 0.25);
+  v1::Iteration silent;
+  silent.set_seconds(20);
+  left.note(silent, kNow + seconds(10));
+  EXPECT_DOUBLE_EQ(left.share(kNow + seconds(10)).value(), 0.25 + 0.75 * (1 - 10.0 / 20));
+  EXPECT_DOUBLE_EQ(left.share(kNow + seconds(30)).value(), 0.25 + 0.75 * (1 - 10.0 / 40));
+  EXPECT_LT(left.share(kNow + seconds(100000)).value(), 1);
 }
 
 TEST(TimeLeft, TakesNumbersThatNoClockCanCount) {

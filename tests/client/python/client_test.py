@@ -1,11 +1,13 @@
 """The client as a program uses it, with a real server."""
 import dataclasses
 import io
+import math
 import os
 import pty
 import re
 import subprocess
 import unittest
+import unittest.mock
 
 import support
 from support import CASES, LARGER, MESH, VARIMESH
@@ -238,6 +240,31 @@ class Bar(support.WithServer):
         self.assertTrue(89 < show.seconds_left() <= 90)
         show(self.event())
         self.assertIsNone(show.seconds_left())
+
+    def test_leaves_out_whole_figures_in_narrow_terminals(self):
+        event = self.event(phase="untangle", number=12345, residual=3.79e-2, min_scaled_jacobian=-0.5, invalid_elements=123456,
+                           left_elements=123456, seconds=1234.5, seconds_left=90.0)  # fmt: skip
+        for columns in range(10, 140):
+            terminal = io.StringIO()
+            terminal.isatty = lambda: True
+            with unittest.mock.patch.dict(os.environ, COLUMNS=str(columns)):
+                varimesh.Progress(stream=terminal)(event)
+            text = terminal.getvalue().removeprefix("\r\x1b[K")
+            self.assertLess(len(text), columns)
+            self.assertEqual("certified" in text, "certified 123456" in text, text)
+            self.assertEqual("about" in text, "about 90 s left" in text, text)
+            self.assertTrue(columns < 80 or ("certified" in text and "left" in text), text)
+
+    def test_the_bar_goes_on_ever_slower_while_the_job_cannot_tell_its_end(self):
+        terminal = io.StringIO()
+        terminal.isatty = lambda: True
+        show = varimesh.Progress(stream=terminal)
+        for seconds, left in ((10.0, 30.0), (20.0, None), (40.0, None), (10_000.0, None)):
+            show._shown = -math.inf
+            show(self.event(seconds=seconds, seconds_left=left, residual=1.0))
+            self.assertEqual("left" in terminal.getvalue().split("\r")[-1], left is not None)
+        text = terminal.getvalue()
+        self.assertEqual([bar.count("#") for bar in re.findall(r"\[([#.]{16})\]", text)], [4, 10, 13, 15])
 
     def test_shows_no_figure_of_a_mesh_that_would_not_be_handed_out(self):
         for values, is_shown in (({"min_scaled_jacobian": 0.5}, True), ({"min_scaled_jacobian": -0.5}, False),

@@ -10,6 +10,8 @@ namespace {
 using Goal = Forecast::Goal;
 using Method = Forecast::Method;
 constexpr double kRest = 1e-3;
+/// So short that no forecast is wrong by half a second, and all are told.
+constexpr double kShort = 0.01;
 
 TEST(Forecast, KnowsNothingBeforeTheFirstIteration) {
   EXPECT_FALSE(Forecast({}).seconds_left(0));
@@ -26,23 +28,25 @@ TEST(Forecast, FollowsTheResidualWhereSweepsAreTheOnlyMethod) {
   const double more = 2 * std::log(1e-3 / residual) / std::log(0.9) + 0.5;
   EXPECT_NEAR(forecast.seconds_left(20).value(), more, 0.1);
   EXPECT_NEAR(forecast.seconds_left(25).value(), more - 5, 0.1) << "counts down";
-  EXPECT_DOUBLE_EQ(forecast.seconds_left(1e6).value(), 0);
+  EXPECT_DOUBLE_EQ(forecast.seconds_left(20 + more + 0.4).value(), 0);
+  EXPECT_FALSE(forecast.seconds_left(20 + more + 1)) << "the run has lasted longer than was said";
 }
 
 TEST(Forecast, ExpectsNewtonsMethodToGetEverFaster) {
   Forecast forecast({.goal = Goal::Energy, .tolerance = 1e-6});
   double now = 0;
   for (const double residual : {0.4, 0.2, 0.04})
-    forecast.step(Method::Newton, residual, {.now = now += 1, .is_valid = true});
-  EXPECT_NEAR(forecast.seconds_left(3).value(), 4, 1) << "3e-3, 8e-5, 2e-6 and 3e-8";
+    forecast.step(Method::Newton, residual, {.now = now += kShort, .is_valid = true});
+  EXPECT_NEAR(forecast.seconds_left(now).value(), 4 * kShort, kShort) << "3e-3, 8e-5, 2e-6 and 3e-8";
 }
 
 TEST(Forecast, ExpectsMoreWhereMoreFollows) {
   const auto after_newton = [](Goal goal, bool is_valid, bool hopes) {
     Forecast forecast({.goal = goal});
-    forecast.step(Method::Untangle, 0.01, {.now = 1, .is_valid = is_valid, .hopes = hopes});
-    forecast.step(Method::Newton, 0.01, {.now = 2, .is_valid = is_valid, .hopes = hopes});
-    return forecast.seconds_left(2).value();
+    // So short that no forecast is far from another.
+    forecast.step(Method::Untangle, 0.01, {.now = 0.001, .is_valid = is_valid, .hopes = hopes});
+    forecast.step(Method::Newton, 0.01, {.now = 0.002, .is_valid = is_valid, .hopes = hopes});
+    return forecast.seconds_left(0.002).value();
   };
   EXPECT_LT(after_newton(Goal::Energy, true, false), after_newton(Goal::Minimum, true, false));
   EXPECT_LT(after_newton(Goal::Energy, true, false), after_newton(Goal::Loss, true, false));
@@ -53,12 +57,12 @@ TEST(Forecast, ExpectsMoreWhereMoreFollows) {
 
 TEST(Forecast, SeesTheEndOfRoundsThatGetShorter) {
   Forecast forecast({});
-  forecast.descent(10);
-  double now = 10, move = 0.8;
+  double now = 10 * kShort, move = 0.8;
+  forecast.descent(now);
   for (int round = 0; round < 6; ++round)
-    forecast.round(move *= 0.4, kRest, false, {.now = now += 2, .is_valid = true});
+    forecast.round(move *= 0.4, kRest, false, {.now = now += 2 * kShort, .is_valid = true});
   // 0.0013, … After one more round, all that are left add up to less than kRest.
-  EXPECT_NEAR(forecast.seconds_left(now).value(), 2, 2);
+  EXPECT_NEAR(forecast.seconds_left(now).value(), 2 * kShort, 2 * kShort);
 }
 
 TEST(Forecast, CountsAnotherDescentWhereOneWillFollow) {
@@ -74,20 +78,45 @@ TEST(Forecast, CountsAnotherDescentWhereOneWillFollow) {
 TEST(Forecast, ExpectsFewRoundsOfAMeshThatStaysInvalid) {
   Forecast forecast({});
   forecast.descent(0);
-  forecast.round(2, kRest, false, {.now = 3});
-  EXPECT_DOUBLE_EQ(forecast.seconds_left(3).value(), 4 * 3);
-  for (int round = 2; round < 10; ++round) forecast.round(2, kRest, false, {.now = 3.0 * round});
-  EXPECT_DOUBLE_EQ(forecast.seconds_left(27).value(), 3) << "at least one";
+  forecast.round(2, kRest, false, {.now = 0.03});
+  EXPECT_DOUBLE_EQ(forecast.seconds_left(0.03).value(), 4 * 0.03);
+  for (int round = 2; round < 10; ++round) forecast.round(2, kRest, false, {.now = 0.03 * round});
+  EXPECT_NEAR(forecast.seconds_left(0.27).value(), 0.03, 1e-12) << "at least one";
 }
 
-TEST(Forecast, GivesOtherWaysAsLongAsTheRunAndSomeMoreIfTheyAreOverdue) {
+TEST(Forecast, GivesAllOtherWaysAsLongAsTheRunUntilOneHasEnded) {
   Forecast forecast({});
-  forecast.other_ways(10);
-  EXPECT_DOUBLE_EQ(forecast.seconds_left(10).value(), 10);
-  EXPECT_DOUBLE_EQ(forecast.seconds_left(14).value(), 6);
-  EXPECT_DOUBLE_EQ(forecast.seconds_left(40).value(), 6);
+  const auto left = [&](double now) { return forecast.seconds_left(now * kShort).value() / kShort; };
+  forecast.other_way(10 * kShort, 4);
+  EXPECT_NEAR(left(10), 10, 1e-9);
+  EXPECT_NEAR(left(12), 8, 1e-9);
+  EXPECT_NEAR(left(15), 0.2 * 5 + 3 * 2.5, 1e-9) << "longer than a fourth of the run";
+  forecast.other_way(14 * kShort, 3);
+  EXPECT_NEAR(left(14), 3 * 4, 1e-9);
+  EXPECT_NEAR(left(16), 3 * 4 - 2, 1e-9);
+}
+
+TEST(Forecast, GivesOtherWaysNoMoreThanTwiceTheRun) {
+  Forecast forecast({});
+  forecast.other_way(10 * kShort, 3);
+  forecast.other_way(19 * kShort, 2);
+  EXPECT_NEAR(forecast.seconds_left(19 * kShort).value(), 11 * kShort, 1e-9) << "in place of 18";
+}
+
+TEST(Forecast, SaysNothingAfterItWasWrong) {
+  Forecast forecast({.goal = Goal::Energy});
+  double now = 0;
+  for (const double seconds : {1.0, 1.0, 1.0, 40.0})
+    forecast.step(Method::Newton, 1e-2, {.now = now += seconds, .is_valid = true});
+  EXPECT_FALSE(forecast.seconds_left(now)) << "the last step took longer than all that was left";
+}
+
+TEST(Forecast, CanForget) {
+  Forecast forecast({});
+  forecast.step(Method::Newton, 1, {.now = 1});
+  EXPECT_TRUE(forecast.seconds_left(1));
   forecast.forget();
-  EXPECT_FALSE(forecast.seconds_left(40));
+  EXPECT_FALSE(forecast.seconds_left(1));
 }
 
 TEST(Forecast, NeverExceedsTheTimeLimit) {
