@@ -2,11 +2,11 @@
 
 #include <string_view>
 
-#include "core/device_kernels/cpu_tetrahedra.h"
+#include "core/device_kernels/cpu/modules.h"
 
 #ifdef VARIMESH_CARD_KERNELS
 namespace varimesh::device::ptx {
-extern const std::string_view tetrahedra_2, tetrahedra_3, tetrahedra_4, tetrahedra_5;
+extern const std::string_view tetrahedra_2, tetrahedra_3, tetrahedra_4, tetrahedra_5, general_2d, general_3d;
 }
 #endif
 
@@ -34,17 +34,29 @@ const Row kRows[] = {
     {Shape::Tetrahedron, 5, "of tetrahedra of order 5", cpu_tetrahedra_5, ON_CARD(tetrahedra_5)},
 };
 
+/// For all other cells, by dimension.
+const Row kGeneral[] = {
+    {Shape::Point, 0, "of cells in the plane", cpu_general_2d, ON_CARD(general_2d)},
+    {Shape::Point, 0, "of cells in space", cpu_general_3d, ON_CARD(general_3d)},
+};
+
+KernelImage image_of(const Row& row, const Material& material) {
+  KernelImage image{row.name, {}, row.cpu(material)};
+  if (row.card != nullptr && material.energy == Energy::Hyperelastic)
+    image.packed = {reinterpret_cast<const unsigned char*>(row.card->data()), row.card->size()};
+  return image;
+}
+
 }  // namespace
 
 std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& material) {
   for (const Row& row : kRows)
-    if (row.shape == shape && row.order == order) {
-      KernelImage image{row.name, {}, row.cpu(material)};
-      if (row.card != nullptr && material.energy == Energy::Hyperelastic)
-        image.packed = {reinterpret_cast<const unsigned char*>(row.card->data()), row.card->size()};
-      return image;
-    }
+    if (row.shape == shape && row.order == order) return image_of(row, material);
   return std::nullopt;
+}
+
+KernelImage general_kernels(int dimension, const Material& material) {
+  return image_of(kGeneral[dimension - 2], material);
 }
 
 }  // namespace varimesh::device

@@ -9,8 +9,12 @@
 
 namespace varimesh::device {
 
-/// The kernels for cells of one shape and order and for the energy of a material; none if there are none yet. They run
-/// in the processor's place for every energy; whether they run on a card depends on the build (KernelImage::packed).
+/// The kernels for cells of one shape and order whose targets are constant in each, and for the energy of a material;
+/// none if there are none. They run in the processor's place for every energy; whether they run on a card depends on
+/// the build (KernelImage::packed).
 std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& material);
+
+/// The kernels for all other cells in 2 or 3 dimensions.
+KernelImage general_kernels(int dimension, const Material& material);
 
 }  // namespace varimesh::device

@@ -1,12 +1,15 @@
 // The energy of the cells of a problem on a device: energies, gradient, linearisation and products.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "core/device/device.h"
-#include "core/device_kernels/arguments.h"
+#include "core/device_kernels/kernels/arguments.h"
+#include "core/device_kernels/set_on_device.h"
 #include "core/energy/material.h"
 #include "core/kernels/kernels.h"
 #include "core/problem/problem.h"
@@ -20,8 +23,7 @@ namespace varimesh::device {
 /// The problem and the device must outlive the object. The results depend neither on the device nor on its threads.
 class CellsOnDevice {
  public:
-  /// Copies the problem to the device, with its positions. There are kernels for meshes of tetrahedra of orders 2 to 5
-  /// whose targets are constant in each cell.
+  /// Copies the problem to the device, with its positions.
   static Possible<std::unique_ptr<CellsOnDevice>> make(Device& device, const Problem& problem,
                                                        const Material& material);
 
@@ -33,47 +35,40 @@ class CellsOnDevice {
   /// The scans of all cells, by number.
   Possible<std::vector<CellScan>> scan();
   /// The gradient, d numbers per free node.
-  Possible<void> gradient(std::span<double> gradient);
+  Possible<void> gradient(std::span<double> gradient) { return run_gradient(gradient, false); }
   /// The same, bit for bit, and keeps what products need.
-  Possible<void> linearise(std::span<double> gradient);
+  Possible<void> linearise(std::span<double> gradient) { return run_gradient(gradient, true); }
   /// product = Hessian times direction; returns direction · product. Both have d floats per free node.
   Possible<double> multiply(std::span<const float> direction, std::span<float> product);
 
   /// Bytes on the device.
   std::size_t memory() const;
 
-  /// What linearise() has kept, and the contributions of the last kernel, as BatchSet has them; for tests.
-  const Buffer& linearisation() const { return linearisation_; }
-  const Buffer& deformation() const { return deformation_; }
-  const Buffer& mean() const { return mean_; }
+  // For tests: the sets, and the contributions of all sets to the last sum.
+  const std::vector<std::unique_ptr<SetOnDevice>>& sets() const { return sets_; }
   const Buffer& contributions() const { return contributions_; }
 
  private:
   CellsOnDevice(Device& device, const Problem& problem, const Material& material)
-      : device_(device), problem_(problem), set_(problem.sets.front()), material_(material) {}
+      : device_(device), problem_(problem), material_(material) {}
 
-  Possible<void> load(const KernelImage& image);
-  Possible<void> copy_tables();
-  Possible<void> copy_cells();
+  Possible<void> copy_sets();
+  Possible<void> load_sums();
   Possible<void> copy_nodes();
-  Possible<void> make_results();
-  CellArguments cell_arguments(const Buffer& derivatives) const;
-  Possible<void> run_gradient(const Kernel& kernel, std::span<double> gradient);
-  template <class T>
-  Possible<void> keep(Buffer& buffer, const std::vector<T>& numbers);
+  /// The module of an image, loaded once.
+  Possible<const Module*> module_of(const KernelImage& image);
+  SharedArrays shared() const;
+  SumArguments sum_arguments() const;
+  Possible<void> run_gradient(std::span<double> gradient, bool keeps);
 
   Device& device_;
   const Problem& problem_;
-  const CellSet& set_;
   const Material material_;
-  int entries_ = 0;  ///< KeptPartials::kEntries.
-  std::unique_ptr<Module> module_;
-  Kernel energy_, gradient_, linearise_, product_, add_up_products_, add_up_gradients_;
-
-  Buffer energy_table_, gradient_table_, product_table_, weights_;
-  Buffer nodes_, ranks_, inverse_target_, left_factor_, measure_, delta_squared_, slope_, positions_;
-  Buffer offsets_, places_, direction_, product_vector_, gradient_vector_, along_;
-  Buffer scans_, contributions_, linearisation_, deformation_, mean_;
+  std::vector<std::int32_t> rank_of_;  ///< By node: its rank, or Problem::free.size() if it is fixed.
+  std::map<std::string, std::unique_ptr<Module>> modules_;
+  std::vector<std::unique_ptr<SetOnDevice>> sets_;
+  Kernel add_up_products_, add_up_gradients_;
+  Buffer positions_, contributions_, offsets_, places_, direction_, product_, gradient_, along_;
 };
 
 }  // namespace varimesh::device

@@ -76,11 +76,11 @@ std::span<const CpuKernel> kernels_of(std::string_view text) {
   const auto at = text.find(kMark);
   if (at == std::string_view::npos) return card.kernels;
   const int nodes = std::atoi(text.data() + at + kMark.size());
+  const varimesh::Material material = varimesh::material(varimesh::Options{});
+  if (nodes < 0) return varimesh::device::general_kernels(-nodes, material).cpu;
   for (int order = 2; order <= 5; ++order)
     if ((order + 1) * (order + 2) * (order + 3) / 6 == nodes)
-      return varimesh::device::cell_kernels(varimesh::Shape::Tetrahedron, order,
-                                            varimesh::material(varimesh::Options{}))
-          ->cpu;
+      return varimesh::device::cell_kernels(varimesh::Shape::Tetrahedron, order, material)->cpu;
   return {};
 }
 

@@ -23,57 +23,120 @@ using device::CellsOnDevice;
 
 struct Case {
   NamedMaterial material;
+  testing::Filling filling;
   int order;
 };
-void PrintTo(const Case& one, std::ostream* out) { *out << one.material.name << one.order; }
+std::string name_of(const Case& one) {
+  return one.material.name + testing::name(one.filling) + std::to_string(one.order);
+}
+void PrintTo(const Case& one, std::ostream* out) { *out << name_of(one); }
 
+/// Tetrahedra of orders 2 to 5 have kernels of their own, all other cells share theirs.
 std::vector<Case> every_case() {
+  using enum testing::Filling;
   std::vector<Case> cases;
-  for (const NamedMaterial& material : every_material())
-    for (const int order : {2, 3, 4, 5}) cases.push_back({material, order});
+  for (const NamedMaterial& material : every_material()) {
+    for (const int order : {2, 3, 4, 5}) cases.push_back({material, Tetrahedra, order});
+    for (const auto filling : {Quadrilaterals, Triangles, MixedPlane, Hexahedra, Prisms, Pyramids, MixedSolid})
+      for (const int order : {2, 3})
+        if (filling != Pyramids || order == 2) cases.push_back({material, filling, order});
+  }
+  const NamedMaterial hyperelastic = every_material().front();
+  cases.push_back({hyperelastic, Tetrahedra, 6});
+  cases.push_back({hyperelastic, Triangles, 8});
+  cases.push_back({hyperelastic, Hexahedra, 4});
+  cases.push_back({hyperelastic, Prisms, 4});
   return cases;
 }
+
+enum class Metric { None, OfCells, Varies };
 
 /// What is done to a mesh before it is handed to the kernels.
 struct Treatment {
   const char* name;
-  double shake;  ///< How far nodes are moved at random.
+  double shake;  ///< How far nodes are moved at random, times the order cubed.
   double delta;  ///< δ² of every cell.
-  bool metric;   ///< Whether the target has a metric, with a left factor.
-  double norm;   ///< p of the p-norm.
+  Metric metric;
+  double norm;  ///< p of the p-norm.
 };
-constexpr Treatment kTreatments[] = {{"valid", 0.15, 0, false, 1},
-                                     {"tangled", 2, 0.25, false, 1},
-                                     {"metric", 0.15, 0, true, 1},
-                                     {"norm", 0.15, 0, false, 3}};
+constexpr Treatment kTreatments[] = {{"valid", 0.15, 0, Metric::None, 1},
+                                     {"tangled", 2, 0.25, Metric::None, 1},
+                                     {"metric", 0.15, 0, Metric::OfCells, 1},
+                                     {"varying metric", 0.15, 0, Metric::Varies, 1},
+                                     {"norm", 0.15, 0, Metric::None, 3}};
 
 class DeviceCells : public ::testing::TestWithParam<Case> {
  protected:
-  /// A grid of 48 or 60 tetrahedra: three full batches, or three and a part.
+  /// Most sets have a last batch with a few cells.
   void prepare(const Treatment& treatment, std::array<int, 3> counts) {
-    HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, counts, GetParam().order, testing::bent(3));
-    testing::shake(mesh, treatment.shake / std::pow(GetParam().order, 3), 7);
+    const auto& [material, filling, order] = GetParam();
+    HighOrderMesh mesh = testing::grid(filling, counts, order, testing::bent(testing::is_plane(filling) ? 2 : 3));
+    testing::shake(mesh, treatment.shake / std::pow(std::max(order, 2), 3), 7);
     problem_ = testing::make_problem(mesh);
-    if (treatment.metric) set_metric(mesh);
-    CellSet& set = problem_.sets.front();
-    set.delta_squared.assign(static_cast<std::size_t>(set.count), treatment.delta);
-    fast_ = make_kernels(GetParam().material.material, 3);
-    plain_ = make_plain_kernels(GetParam().material.material, 3);
-    hessian_ = make_hessian_kernels(GetParam().material.material, 3);
+    if (treatment.metric != Metric::None) set_metric(mesh, treatment.metric);
+    for (CellSet& set : problem_.sets) {
+      set.delta_squared.assign(static_cast<std::size_t>(set.count), treatment.delta);
+      set.energy_slope.clear();
+    }
+    fast_ = make_kernels(material.material, problem_.dimension);
+    plain_ = make_plain_kernels(material.material, problem_.dimension);
+    hessian_ = make_hessian_kernels(material.material, problem_.dimension);
   }
-  void set_metric(const HighOrderMesh& mesh) {
+  void set_metric(const HighOrderMesh& mesh, Metric metric) {
     Options options;
     options.target = Target::Size;
-    options.target_field = {Per::Cell, 6, {}, {}};
-    for (std::int32_t cell = 0; cell < problem_.cells; ++cell)
-      for (const double entry : {8.0, 11.0, 40.0, -3.0, 9.0, 14.0})
-        options.target_field.values.push_back((1 + 0.01 * cell) * entry);
+    const int components = problem_.dimension == 2 ? 3 : 6;
+    options.target_field = {metric == Metric::Varies ? Per::Vertex : Per::Cell, components, {}, {}};
+    const std::size_t count = metric == Metric::Varies ? mesh.node_count() : static_cast<std::size_t>(problem_.cells);
+    const std::vector<double> entries{8, 3, 12, -1, 2, 9};
+    for (std::size_t n = 0; n < count; ++n)
+      for (int i = 0; i < components; ++i) {
+        const double grows = metric == Metric::Varies ? 0.5 * mesh.coordinates[3 * n] : 0.01 * static_cast<double>(n);
+        options.target_field.values.push_back((1 + grows) * entries[static_cast<std::size_t>(i)]);
+      }
     const auto field = resolve_target_field(mesh, options);
     ASSERT_TRUE(field) << field.error().sentence;
     set_targets(problem_, *field, frame_of(mesh).diagonal);
-    ASSERT_FALSE(problem_.sets.front().left_factor.empty());
+    const bool has_axes = problem_.sets.front().left_factor.empty();
+    EXPECT_FALSE(has_axes && (GetParam().filling == testing::Filling::Triangles ||
+                              GetParam().filling == testing::Filling::Tetrahedra));
   }
-  std::size_t unknowns() const { return problem_.free.size() * 3; }
+  std::size_t unknowns() const { return problem_.free.size() * static_cast<std::size_t>(problem_.dimension); }
+
+  void linearise(BatchSet& batch) const {
+    const CellSet& set = *batch.cells;
+    for (std::int32_t b = 0; b < batch.count; ++b) {
+      AlignedVector<double> F(kBatch * set.deformation_size());
+      for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell)
+        fast_->deform(set, cell, problem_.positions,
+                      F.data() + static_cast<std::size_t>(cell - b * kBatch) * set.deformation_size());
+      hessian_->linearise(batch, b, F.data());
+    }
+  }
+  static void compare(const BatchSet& batch, const device::SetOnDevice& set) {
+    std::vector<float> linearisation(batch.linearisation.size()), mean(batch.mean.size());
+    std::vector<std::int16_t> steps(batch.deformation.size());
+    ASSERT_EQ(set.linearisation().bytes(), linearisation.size() * sizeof(float));
+    ASSERT_TRUE(set.linearisation().download<float>(linearisation));
+    ASSERT_TRUE(set.mean().download<float>(mean));
+    ASSERT_TRUE(set.deformation().download<std::int16_t>(steps));
+    // Partial derivatives of one kind stand at the same place of each point.
+    const auto entries = static_cast<std::size_t>(batch.entries);
+    std::vector<double> size(entries);
+    for (std::size_t i = 0; i < linearisation.size(); ++i) {
+      double& of_kind = size[i / kBatch % entries];
+      of_kind = std::max(of_kind, std::abs(static_cast<double>(batch.linearisation[i])));
+    }
+    for (std::size_t i = 0; i < linearisation.size(); ++i)
+      ASSERT_NEAR(linearisation[i], batch.linearisation[i], 2e-7 * size[i / kBatch % entries]) << i;
+    for (std::size_t i = 0; i < mean.size(); ++i) ASSERT_NEAR(mean[i], batch.mean[i], 1e-6) << i;
+    std::size_t other = 0;
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+      ASSERT_LE(std::abs(steps[i] - batch.deformation[i]), 1) << i;
+      other += steps[i] != batch.deformation[i] ? 1 : 0;
+    }
+    EXPECT_LE(other, steps.size() / 50);
+  }
 
   Problem problem_;
   std::unique_ptr<Kernels> fast_, plain_;
@@ -82,7 +145,7 @@ class DeviceCells : public ::testing::TestWithParam<Case> {
 };
 
 INSTANTIATE_TEST_SUITE_P(Materials, DeviceCells, ::testing::ValuesIn(every_case()),
-                         [](const auto& info) { return info.param.material.name + std::to_string(info.param.order); });
+                         [](const auto& info) { return name_of(info.param); });
 
 double largest(std::span<const double> numbers) {
   double largest = 0;
@@ -95,22 +158,22 @@ TEST_P(DeviceCells, EnergiesAreThoseOfThePlainKernels) {
     for (const std::array<int, 3> counts : {std::array{2, 2, 1}, std::array{5, 1, 1}}) {
       SCOPED_TRACE(treatment.name);
       prepare(treatment, counts);
-      const CellSet& set = problem_.sets.front();
       const auto cells = CellsOnDevice::make(*cpu_, problem_, GetParam().material.material);
       ASSERT_TRUE(cells) << cells.error().sentence;
       const auto scans = (*cells)->scan();
       ASSERT_TRUE(scans);
-      ASSERT_EQ(scans->size(), static_cast<std::size_t>(set.count));
-      for (std::int32_t cell = 0; cell < set.count; ++cell) {
-        AlignedVector<double> F(set.deformation_size());
-        plain_->deform(set, cell, problem_.positions, F.data());
-        const CellScan plain = plain_->scan(set, cell, F.data(), nullptr);
-        ASSERT_TRUE(treatment.delta > 0 || plain.smallest_jacobian > 0);
-        const CellScan& ours = (*scans)[static_cast<std::size_t>(cell)];
-        EXPECT_NEAR(ours.energy, plain.energy, 1e-14 * (std::abs(plain.energy) + cell_measure(set, cell)));
-        EXPECT_NEAR(ours.smallest_jacobian, plain.smallest_jacobian, 1e-13 * std::max(1.0, std::pow(largest(F), 3)));
-        EXPECT_NEAR(ours.scaled_jacobian, plain.scaled_jacobian, 1e-13);
-      }
+      ASSERT_EQ(scans->size(), static_cast<std::size_t>(problem_.cells));
+      for (const CellSet& set : problem_.sets)
+        for (std::int32_t cell = 0; cell < set.count; ++cell) {
+          AlignedVector<double> F(set.deformation_size());
+          plain_->deform(set, cell, problem_.positions, F.data());
+          const CellScan plain = plain_->scan(set, cell, F.data(), nullptr);
+          ASSERT_TRUE(treatment.delta > 0 || plain.smallest_jacobian > 0);
+          const CellScan& ours = (*scans)[static_cast<std::size_t>(set.first + cell)];
+          EXPECT_NEAR(ours.energy, plain.energy, 1e-14 * (std::abs(plain.energy) + cell_measure(set, cell)));
+          EXPECT_NEAR(ours.smallest_jacobian, plain.smallest_jacobian, 1e-13 * std::max(1.0, std::pow(largest(F), 3)));
+          EXPECT_NEAR(ours.scaled_jacobian, plain.scaled_jacobian, 1e-13);
+        }
     }
 }
 
@@ -133,14 +196,16 @@ TEST_P(DeviceCells, GradientsAndProductsAreThoseOfTheVectorisedKernels) {
       std::vector<double> weights;
       team.run([&] {
         energy.scan();
-        for (std::int32_t cell = 0; cell < problem_.cells; ++cell)
-          weights.push_back(norm.slope(energy.scans()[static_cast<std::size_t>(cell)].energy,
-                                       cell_measure(problem_.sets.front(), cell)));
+        for (const CellSet& set : problem_.sets)
+          for (std::int32_t cell = 0; cell < set.count; ++cell)
+            weights.push_back(
+                norm.slope(energy.scans()[static_cast<std::size_t>(set.first + cell)].energy, cell_measure(set, cell)));
         energy.weigh(weights, 1);
         energy.linearise(theirs);
         their_along = energy.multiply(padded_direction, their_product);
       });
-      problem_.sets.front().energy_slope = weights;
+      for (CellSet& set : problem_.sets)
+        set.energy_slope.assign(weights.begin() + set.first, weights.begin() + set.first + set.count);
       const auto cells = CellsOnDevice::make(*cpu_, problem_, GetParam().material.material);
       ASSERT_TRUE(cells) << cells.error().sentence;
       ASSERT_TRUE((*cells)->gradient(ours));
@@ -154,52 +219,29 @@ TEST_P(DeviceCells, GradientsAndProductsAreThoseOfTheVectorisedKernels) {
       for (std::size_t i = 0; i < unknowns(); ++i) EXPECT_NEAR(ours[i], theirs[i], 1e-13 * size);
       const auto along = (*cells)->multiply(direction, our_product);
       ASSERT_TRUE(along);
-      double most = 0;
-      for (std::size_t i = 0; i < unknowns(); ++i) most = std::max(most, std::abs(double(their_product[i])));
+      double most = 0, terms = 0;
+      for (std::size_t i = 0; i < unknowns(); ++i) {
+        const double one = std::abs(static_cast<double>(their_product[i]));
+        most = std::max(most, one);
+        terms += one * std::abs(static_cast<double>(direction[i]));
+      }
       for (std::size_t i = 0; i < unknowns(); ++i) EXPECT_NEAR(our_product[i], their_product[i], 1e-5 * most);
-      EXPECT_NEAR(*along, their_along, 1e-5 * std::abs(their_along));
+      EXPECT_NEAR(*along, their_along, 1e-5 * terms);
     }
 }
 
 // What the vectorised kernels have linearised a device can multiply, and the other way round.
 TEST_P(DeviceCells, KeepsWhatTheVectorisedKernelsKeep) {
   prepare(kTreatments[0], {5, 1, 1});
-  CellSet& set = problem_.sets.front();
   std::vector<BatchSet> batches = make_batches(problem_, *hessian_);
-  BatchSet& batch = batches.front();
-  for (std::int32_t b = 0; b < batch.count; ++b) {
-    AlignedVector<double> F(kBatch * set.deformation_size());
-    for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell)
-      fast_->deform(set, cell, problem_.positions,
-                    F.data() + static_cast<std::size_t>(cell - b * kBatch) * set.deformation_size());
-    hessian_->linearise(batch, b, F.data());
-  }
   const auto cells = CellsOnDevice::make(*cpu_, problem_, GetParam().material.material);
   ASSERT_TRUE(cells);
   std::vector<double> gradient(unknowns());
   ASSERT_TRUE((*cells)->linearise(gradient));
-  std::vector<float> linearisation(batch.linearisation.size()), mean(batch.mean.size());
-  std::vector<std::int16_t> steps(batch.deformation.size());
-  ASSERT_EQ((*cells)->linearisation().bytes(), linearisation.size() * sizeof(float));
-  ASSERT_TRUE((*cells)->linearisation().download<float>(linearisation));
-  ASSERT_TRUE((*cells)->mean().download<float>(mean));
-  ASSERT_TRUE((*cells)->deformation().download<std::int16_t>(steps));
-  // Partial derivatives of one kind stand at the same place of each point.
-  const auto entries = static_cast<std::size_t>(batch.entries);
-  std::vector<double> size(entries);
-  for (std::size_t i = 0; i < linearisation.size(); ++i) {
-    double& of_kind = size[i / kBatch % entries];
-    of_kind = std::max(of_kind, std::abs(double(batch.linearisation[i])));
+  for (std::size_t s = 0; s < batches.size(); ++s) {
+    linearise(batches[s]);
+    compare(batches[s], *(*cells)->sets()[s]);
   }
-  for (std::size_t i = 0; i < linearisation.size(); ++i)
-    ASSERT_NEAR(linearisation[i], batch.linearisation[i], 2e-7 * size[i / kBatch % entries]) << i;
-  for (std::size_t i = 0; i < mean.size(); ++i) ASSERT_NEAR(mean[i], batch.mean[i], 1e-6) << i;
-  std::size_t other = 0;
-  for (std::size_t i = 0; i < steps.size(); ++i) {
-    ASSERT_LE(std::abs(steps[i] - batch.deformation[i]), 1) << i;
-    other += steps[i] != batch.deformation[i] ? 1 : 0;
-  }
-  EXPECT_LE(other, steps.size() / 50);
 }
 
 TEST(MemoryOnADevice, IsLessThanFourKibibytesPerQuarticTetrahedron) {

@@ -11,8 +11,8 @@ import unittest
 import ptx
 
 MODULES = sorted(pathlib.Path(os.environ["VARIMESH_PTX"]).glob("*.ptx"))
-ORDERS = {10: 2, 20: 3, 35: 4, 56: 5}
-# As core/device_kernels/splits.h splits cells: for each order, parts and nodes per part.
+ORDERS = {10: 2, 20: 3, 35: 4, 56: 5}  # of tetrahedra, by nodes
+# As core/device_kernels/kernels/splits.h splits cells: for each order, parts and nodes per part.
 SPLITS = {"energy": {2: (1, 10), 3: (2, 10), 4: (2, 18), 5: (4, 14)},
           "gradient": {2: (2, 5), 3: (2, 10), 4: (4, 9), 5: (8, 7)},
           "product": {2: (1, 10), 3: (2, 10), 4: (4, 9), 5: (8, 7)}}
@@ -21,9 +21,18 @@ MOST_ALIVE = 290
 
 
 def modules():
+    """For each module: what its cells are (nodes of a tetrahedron, or the dimension of cells of any shape times -1), its text
+    and its kernels."""
     for file in MODULES:
         text = file.read_text()
-        yield ORDERS[int(re.search(r"cell_nodes = (\d+)", text)[1])], text, ptx.kernels(text)
+        yield int(re.search(r"cell_nodes = (-?\d+)", text)[1]), text, ptx.kernels(text)
+
+
+def tetrahedra():
+    """For each module of tetrahedra: the order and the kernels."""
+    for nodes, _, kernels in modules():
+        if nodes > 0:
+            yield ORDERS[nodes], kernels
 
 
 def words(kernel, kind):
@@ -34,10 +43,14 @@ def words(kernel, kind):
 
 
 class Modules(unittest.TestCase):
-    def test_there_is_one_for_each_order(self):
-        self.assertEqual(sorted(order for order, _, _ in modules()), [2, 3, 4, 5])
-        for _, _, kernels in modules():
-            self.assertEqual(sorted(kernels), ["add_up_gradients", "add_up_products", "energy", "gradient", "linearise", "product"])
+    def test_there_are_tetrahedra_of_four_orders_and_cells_of_any_shape(self):
+        self.assertEqual(sorted(nodes for nodes, _, _ in modules()), [-3, -2, 10, 20, 35, 56])
+        sums = {"add_up_gradients", "add_up_products"}
+        for nodes, _, kernels in modules():
+            own = {"energy", "gradient", "linearise", "product"}
+            if nodes < 0:
+                own = {"deform", "scan", "range", "stress", "linearise", "gradient", "change_stress", "product"}
+            self.assertEqual(set(kernels), own | sums)
 
     def test_run_on_the_oldest_cards_and_drivers_that_are_promised(self):
         for _, text, _ in modules():
@@ -65,7 +78,7 @@ class Modules(unittest.TestCase):
                 self.assertLessEqual(kernel.most_alive, MOST_ALIVE, (order, kernel.name))
 
     def test_load_each_number_of_the_table_once_per_use(self):
-        for order, _, kernels in modules():
+        for order, kernels in tetrahedra():
             def row(kernel):
                 return 3 * SPLITS[kernel][order][1]
 
@@ -80,7 +93,7 @@ class Modules(unittest.TestCase):
                 self.assertEqual(words(kernels[name], "ld.shared"), count, (order, name))
 
     def test_multiply_as_often_as_the_formulas_say(self):
-        for order, _, kernels in modules():
+        for order, kernels in tetrahedra():
             for name in ("energy", "gradient", "product"):
                 parts, nodes = SPLITS[name][order]
                 operators = 1 if name == "energy" else 2

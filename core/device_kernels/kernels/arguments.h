@@ -56,11 +56,39 @@ struct ProductArguments {
   float* contributions = nullptr;       ///< As BatchSet::contributions of width d.
 };
 
-/// Sums over the cells of each node, of the contributions of one set.
+/// A set of cells of any shape, order and targets, for the kernels that work point by point and node by node.
+struct GeneralArguments {
+  Material material;
+  std::int32_t batches = 0;
+  std::int32_t points = 0;
+  std::int32_t nodes = 0;                    ///< Of a cell.
+  bool affine = false;                       ///< CellSet::affine.
+  const double* derivatives = nullptr;       ///< points × d × nodes.
+  const double* weights = nullptr;           ///< points.
+  const std::int32_t* cell_nodes = nullptr;  ///< CellArguments::nodes.
+  const double* inverse_target = nullptr;    ///< batches × (affine ? 1 : points) × d·d × lane.
+  const double* left_factor = nullptr;
+  const double* measure = nullptr;  ///< batches × (affine ? 1 : points) × lane: |det A|.
+  const double* delta_squared = nullptr;
+  const double* slope = nullptr;
+  const double* positions = nullptr;
+  const std::int32_t* ranks = nullptr;
+  const float* direction = nullptr;
+
+  double* fields = nullptr;  ///< batches × points × d·d × lane: F, then w P A⁻ᵀ.
+  float* changes = nullptr;  ///< The same memory, of floats: w dP A⁻ᵀ.
+  double* scans = nullptr;   ///< The rest as in CellArguments and ProductArguments.
+  float* contributions = nullptr;
+  float* linearisation = nullptr;
+  std::int16_t* deformation = nullptr;
+  float* mean = nullptr;
+};
+
+/// Sums over the cells of each node, of the contributions of all sets.
 struct SumArguments {
   std::int32_t nodes = 0;                 ///< Free nodes.
   const std::int64_t* offsets = nullptr;  ///< nodes + 1: Problem::offsets.
-  const std::int64_t* places = nullptr;   ///< By incidence: contribution_index() for width 1.
+  const std::int64_t* places = nullptr;   ///< By incidence: where its contribution is, in units of a contribution.
   const float* contributions = nullptr;   ///< Of width d for a product, else of width 2 d.
   const float* direction = nullptr;       ///< d per node.
   float* product = nullptr;               ///< d per node.

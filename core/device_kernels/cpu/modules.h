@@ -1,4 +1,5 @@
-// The kernels of tetrahedra for the processor. They are compiled for one order a file, to share the work.
+// The kernels for the processor, for the energy of a material: those of tetrahedra, and those of all other cells. They
+// are compiled in several files, to share the work.
 #pragma once
 
 #include <span>
@@ -12,5 +13,8 @@ std::span<const CpuKernel> cpu_tetrahedra_2(const Material& material);
 std::span<const CpuKernel> cpu_tetrahedra_3(const Material& material);
 std::span<const CpuKernel> cpu_tetrahedra_4(const Material& material);
 std::span<const CpuKernel> cpu_tetrahedra_5(const Material& material);
+
+std::span<const CpuKernel> cpu_general_2d(const Material& material);
+std::span<const CpuKernel> cpu_general_3d(const Material& material);
 
 }  // namespace varimesh::device

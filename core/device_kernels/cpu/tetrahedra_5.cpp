@@ -1,5 +1,5 @@
-#include "core/device_kernels/cpu_kernels-inl.h"
-#include "core/device_kernels/cpu_tetrahedra.h"
+#include "core/device_kernels/cpu/kernels-inl.h"
+#include "core/device_kernels/cpu/modules.h"
 
 namespace varimesh::device {
 

@@ -12,19 +12,10 @@
 #include <cstdint>
 #include <utility>
 
-#include "core/device_kernels/splits.h"
+#include "core/device_kernels/kernels/splits.h"
+#include "core/device_kernels/kernels/unrolled.h"
 #include "core/energy/number-inl.h"
 #include "core/kernels/hessian/batch.h"
-
-/// Before a loop over an array that has to stay in registers on a device, and before a loop whose steps already need
-/// all registers. On the processor both are loops like any other.
-#ifdef __CUDA_ARCH__
-#define VARIMESH_UNROLLED _Pragma("unroll")
-#define VARIMESH_NOT_UNROLLED _Pragma("unroll 1")
-#else
-#define VARIMESH_UNROLLED
-#define VARIMESH_NOT_UNROLLED
-#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {

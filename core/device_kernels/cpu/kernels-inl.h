@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "core/device/device.h"
-#include "core/device_kernels/cells-inl.h"
-#include "core/device_kernels/product-inl.h"
+#include "core/device_kernels/kernels/cells-inl.h"
+#include "core/device_kernels/kernels/general-inl.h"
+#include "core/device_kernels/kernels/product-inl.h"
 #include "core/energy/table-inl.h"
 
 namespace varimesh::N_ONE_LANE {
@@ -80,6 +81,68 @@ struct CpuKernels {
       {"add_up_gradients", add_up_gradients<d>},
   };
 };
+
+/// Kernels for cells of any shape and order.
+template <class E, int d>
+struct GeneralCpuKernels {
+  using Thread = GeneralThread<E, d>;
+  using Arguments = device::GeneralArguments;
+
+  /// Calls work(thread) for each thread of a block; each batch has `per_batch` × lane threads.
+  template <class Work>
+  static void on(const void* arguments, std::int32_t block, std::int32_t threads, std::int32_t Arguments::*per_batch,
+                 const Work& work) {
+    const auto& a = *static_cast<const Arguments*>(arguments);
+    for (std::int32_t i = 0; i < threads; ++i) {
+      const Thread thread(a, static_cast<std::int64_t>(block) * threads + i, per_batch == nullptr ? 1 : a.*per_batch);
+      if (thread.exists()) work(thread);
+    }
+  }
+  static void deform(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::points, [](const Thread& thread) { thread.deform(); });
+  }
+  static void scan(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, nullptr, [](const Thread& thread) { thread.scan(); });
+  }
+  static void range(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, nullptr, [](const Thread& thread) { thread.range(); });
+  }
+  static void stress(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::points, [](const Thread& thread) { thread.template stress<false>(); });
+  }
+  static void linearise(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::points, [](const Thread& thread) { thread.template stress<true>(); });
+  }
+  static void gradient(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::nodes, [](const Thread& thread) { thread.gradient(); });
+  }
+  static void change_stress(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::points, [](const Thread& thread) { thread.change_stress(); });
+  }
+  static void product(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::nodes, [](const Thread& thread) { thread.product(); });
+  }
+
+  static constexpr CpuKernel kKernels[] = {
+      {"deform", deform},
+      {"scan", scan},
+      {"range", range},
+      {"stress", stress},
+      {"linearise", linearise},
+      {"gradient", gradient},
+      {"change_stress", change_stress},
+      {"product", product},
+      {"add_up_products", add_up_products<d>},
+      {"add_up_gradients", add_up_gradients<d>},
+  };
+};
+
+template <int d>
+std::span<const CpuKernel> general_cpu_kernels(const Material& material) {
+  return with_energy<d>(material, [](const auto& energy) {
+    return std::span<const CpuKernel>(GeneralCpuKernels<std::decay_t<decltype(energy)>, d>::kKernels);
+  });
+}
 
 /// The kernels for the energy of a material.
 template <int d, int nodes>

@@ -11,10 +11,9 @@
 
 #include <limits>
 
-#include "core/device_kernels/arguments.h"
-#include "core/device_kernels/parts-inl.h"
-#include "core/energy/density-inl.h"
-#include "core/kernels/hessian/kept_partials-inl.h"
+#include "core/device_kernels/kernels/arguments.h"
+#include "core/device_kernels/kernels/parts-inl.h"
+#include "core/device_kernels/kernels/points-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
@@ -23,9 +22,7 @@ namespace HWY_NAMESPACE {
 /// One cell, with its nodes split into `parts`. `table`: CellArguments::derivatives.
 template <class E, int d, int nodes, int parts>
 class CellOnDevice {
-  using Real = hn::Lane<double>;
   using Arguments = device::CellArguments;
-  using Kept = KeptPartials<E>;
   static constexpr int kHereNow = kHere<parts>, kTurnsNow = kTurns<parts>;
 
  public:
@@ -79,8 +76,7 @@ class CellOnDevice {
     double* to = a_.scans + static_cast<std::int64_t>(place_.batch) * 3 * kBatch + place_.lane;
     to[0] = energy[0];
     to[kBatch] = smallest[0];
-    const double ratio = smallest[0] / largest[0];
-    to[2 * kBatch] = !(largest[0] > 0) || ratio < -1 ? -1.0 : ratio;
+    to[2 * kBatch] = scaled_jacobian(smallest[0], largest[0]);
   }
 
   /// Writes the contributions to the gradient, and with `keeps` what products need.
@@ -99,8 +95,13 @@ class CellOnDevice {
       gradients(group, own);
       for (int p = 0; p < kHereNow; ++p) {
         const Matrix<Real, d> F = deformation(own[p]);
-        if constexpr (keeps) keep_deformation(group, p, F, middle, step);
-        stress<keeps>(group, p, F, Real{slope} * (Real{weight_of(group, p)} * Real{measure_}), own[p]);
+        float* kept = nullptr;
+        if (keeps && writes(group, p)) {
+          write_steps<d>(F, middle, step, a_.deformation + at_point(group, p, d * d));
+          kept = a_.linearisation + at_point(group, p, KeptPartials<E>::kEntries);
+        }
+        const Real w = Real{slope} * (Real{weight_of(group, p)} * Real{measure_});
+        stress_at<keeps, d>(energy_, F, w, Real{delta_squared_}, inverse_, kept, own[p]);
       }
       VARIMESH_UNROLLED for (int turn = 0; turn < kTurnsNow; ++turn) {
         double stress_there[d * d];
@@ -117,7 +118,12 @@ class CellOnDevice {
       }
     }
     for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        if (part(p) * kNodes + n < nodes) keep_gradient(part(p) * kNodes + n, sums[p][n]);
+        const int node = part(p) * kNodes + n;
+        if (node < nodes)
+          write_gradient<d>(
+              sums[p][n], left_factor(),
+              a_.contributions +
+                  ((static_cast<std::int64_t>(place_.batch) * nodes + node) * kBatch + place_.lane) * (2 * d));
       }
   }
 
@@ -155,60 +161,20 @@ class CellOnDevice {
     take_turns<parts>(sums, place_.first, own);
   }
 
-  /// F = L G A⁻¹.
+  HWY_INLINE const double* left_factor() const {
+    return a_.left_factor == nullptr
+               ? nullptr
+               : a_.left_factor + static_cast<std::int64_t>(place_.batch) * d * d * kBatch + place_.lane;
+  }
   HWY_INLINE Matrix<Real, d> deformation(const double (&G)[d * d]) const {
-    Matrix<Real, d> F;
-    VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-      VARIMESH_UNROLLED for (int j = 0; j < d; ++j) {
-        double sum = G[i * d] * inverse_[j];
-        VARIMESH_UNROLLED for (int k = 0; k < d - 1; ++k) {
-          sum = __builtin_fma(G[i * d + k + 1], inverse_[(k + 1) * d + j], sum);
-        }
-        F[i][j] = Real{sum};
-      }
-    }
-    if (a_.left_factor == nullptr) return F;
-    Matrix<Real, d> turned;
-    VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-      VARIMESH_UNROLLED for (int j = 0; j < d; ++j) {
-        double sum = 0;
-        VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-          sum = __builtin_fma(of_cell(a_.left_factor, d * d, i * d + k), F[k][j].value, sum);
-        }
-        turned[i][j] = Real{sum};
-      }
-    }
-    return turned;
+    return deformation_at<d>(G, inverse_, left_factor());
   }
 
-  /// w P A⁻ᵀ at a point; with `keeps`, the partial derivatives are kept.
-  template <bool keeps>
-  HWY_INLINE void stress(int group, int p, const Matrix<Real, d>& F, Real w, double (&out)[d * d]) const {
-    const Matrix<Real, d> C = cofactor<d>(F);
-    const Real Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-    const Partials<Real> f = energy_.partials(Q, regularised<E::kFunction>(determinant<d>(F), Real{delta_squared_}));
-    if (keeps && part(p) < kTurnsNow && point(group, p) < a_.points) {
-      float* kept = a_.linearisation +
-                    (static_cast<std::int64_t>(place_.batch) * a_.points + point(group, p)) * Kept::kEntries * kBatch +
-                    place_.lane;
-      const auto keep = [&](int entry, Real value) { kept[entry * kBatch] = static_cast<float>(value.value); };
-      keep(Kept::kQ, w * f.f_Q);
-      keep(Kept::kJ, w * f.f_J);
-      keep(Kept::kJJ, w * f.f_JJ);
-      if constexpr (E::kMixed) keep(Kept::kQJ, w * f.f_QJ);
-      if constexpr (E::kCurved) keep(Kept::kQQ, w * f.f_QQ);
-      if constexpr (E::kStrain != StrainTerm::None) keep(Kept::kW, w);
-    }
-    const Matrix<Real, d> P = density_gradient<d>(energy_, F, C, f);
-    VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-      VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-        double sum = 0;
-        VARIMESH_UNROLLED for (int j = 0; j < d; ++j) {
-          sum = __builtin_fma((w * P[i][j]).value, inverse_[k * d + j], sum);
-        }
-        out[i * d + k] = sum;
-      }
-    }
+  /// Whether a part writes what is kept of its point: no other part does, and the point is none of the padding.
+  HWY_INLINE bool writes(int group, int p) const { return part(p) < kTurnsNow && point(group, p) < a_.points; }
+  /// Where the numbers of a part's point begin in an array of `size` numbers per point.
+  HWY_INLINE std::int64_t at_point(int group, int p, int size) const {
+    return (static_cast<std::int64_t>(place_.batch) * a_.points + point(group, p)) * size * kBatch + place_.lane;
   }
 
   /// Keeps the mean of F and the step of its differences from it.
@@ -241,48 +207,12 @@ class CellOnDevice {
       }
     }
     over_parts<parts>(largest, [](double a, double b) { return b > a ? b : a; });
-    step = static_cast<float>(largest[0] / kLargestStep);
-    // At least the smallest normal float, to divide by.
-    if (step < std::numeric_limits<float>::min()) step = std::numeric_limits<float>::min();
+    step = step_of(largest[0]);
     if (place_.first != 0) return;
     float* to = a_.mean + static_cast<std::int64_t>(place_.batch) * (d * d + 1) * kBatch + place_.lane;
     VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { to[i * kBatch] = middle[i]; }
     to[d * d * kBatch] = step;
   }
-
-  HWY_INLINE void keep_deformation(int group, int p, const Matrix<Real, d>& F, const float (&middle)[d * d],
-                                   float step) const {
-    if (part(p) >= kTurnsNow || point(group, p) >= a_.points) return;
-    std::int16_t* to = a_.deformation +
-                       (static_cast<std::int64_t>(place_.batch) * a_.points + point(group, p)) * (d * d * kBatch) +
-                       place_.lane;
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
-      double steps = (F[i / d][i % d].value - static_cast<double>(middle[i])) / static_cast<double>(step);
-      steps = steps > kLargestStep ? kLargestStep : steps < -kLargestStep ? -kLargestStep : steps;
-      to[i * kBatch] = static_cast<std::int16_t>(__builtin_rint(steps));
-    }
-  }
-
-  /// Writes L times the sum of a node as two floats per component.
-  HWY_INLINE void keep_gradient(int node, const double (&sum)[d]) const {
-    float* to =
-        a_.contributions + ((static_cast<std::int64_t>(place_.batch) * nodes + node) * kBatch + place_.lane) * (2 * d);
-    VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-      double g = sum[i];
-      if (a_.left_factor != nullptr) {
-        g = 0;
-        VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-          g = __builtin_fma(of_cell(a_.left_factor, d * d, i * d + k), sum[k], g);
-        }
-      }
-      // The digits that a float has.
-      const double high = std::bit_cast<double>(std::bit_cast<std::uint64_t>(g) & ~((std::uint64_t{1} << 29) - 1));
-      to[i] = static_cast<float>(high);
-      to[d + i] = static_cast<float>(g - high);
-    }
-  }
-
-  static constexpr double kLargestStep = std::numeric_limits<std::int16_t>::max();
 
   const Arguments& a_;
   const double* table_;

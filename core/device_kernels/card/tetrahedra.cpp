@@ -1,5 +1,5 @@
-// The kernels of one shape, order and energy for a card. clang compiles this file to PTX, as CUDA, with no toolkit:
-// CMakeLists.txt has the command. It defines
+// The kernels of tetrahedra of one order, and of one energy, for a card. clang compiles this file to PTX, as CUDA, with
+// no toolkit: CMakeLists.txt has the command. It defines
 //   VARIMESH_NODES    the nodes of a cell
 //   VARIMESH_ENERGY   the type of the energy
 #include <array>
@@ -11,12 +11,13 @@
 #include <type_traits>
 #include <utility>
 
-#include "core/device_kernels/arguments.h"
+#include "core/device_kernels/kernels/arguments.h"
 
 // Everything from here to "end" is compiled for the card too. The headers above are the processor's.
 #pragma clang force_cuda_host_device begin
-#include "core/device_kernels/cells-inl.h"
-#include "core/device_kernels/product-inl.h"
+#include "core/device_kernels/card/threads-inl.h"
+#include "core/device_kernels/kernels/cells-inl.h"
+#include "core/device_kernels/kernels/product-inl.h"
 #include "core/energy/table-inl.h"
 #pragma clang force_cuda_host_device end
 
@@ -32,20 +33,9 @@ template <int parts>
 using Cell = CellOnDevice<VARIMESH_ENERGY, 3, kCellNodes, parts>;
 using Product = ProductOnDevice<VARIMESH_ENERGY, 3, kCellNodes, kParts[2]>;
 
-#define DEVICE __attribute__((device)) inline __attribute__((always_inline))
-#define KERNEL extern "C" __attribute__((global)) __attribute__((launch_bounds(128))) void
-
-extern __attribute__((shared)) double shared_numbers[];
-
-DEVICE int thread_of_block() { return __nvvm_read_ptx_sreg_tid_x(); }
-DEVICE int threads_of_block() { return __nvvm_read_ptx_sreg_ntid_x(); }
-DEVICE std::int64_t thread() {
-  return static_cast<std::int64_t>(__nvvm_read_ptx_sreg_ctaid_x()) * threads_of_block() + thread_of_block();
-}
-
 /// A copy of a table in the memory that the threads of a block share.
 template <class T>
-DEVICE const T* shared_copy(const T* table, int size) {
+VARIMESH_ON_CARD const T* shared_copy(const T* table, int size) {
   T* const copy = reinterpret_cast<T*>(shared_numbers);
   for (int i = thread_of_block(); i < size; i += threads_of_block()) copy[i] = table[i];
   __syncthreads();
@@ -53,7 +43,7 @@ DEVICE const T* shared_copy(const T* table, int size) {
 }
 
 template <int parts, class Work>
-DEVICE void for_cell(const device::CellArguments& a, const Work& work) {
+VARIMESH_ON_CARD void for_cell(const device::CellArguments& a, const Work& work) {
   const double* table = shared_copy(a.derivatives, (device::padded_points(a.points, parts) + 1) * Cell<parts>::kRow);
   const std::int64_t number = thread();
   if (number >= static_cast<std::int64_t>(a.batches) * kBatch * parts) return;
@@ -66,38 +56,30 @@ DEVICE void for_cell(const device::CellArguments& a, const Work& work) {
 /// Tells this module from others. No kernel reads it.
 extern "C" __attribute__((device)) int cell_nodes = VARIMESH_NODES;
 
-KERNEL energy(device::CellArguments a) {
+VARIMESH_KERNEL energy(device::CellArguments a) {
   for_cell<kParts[0]>(
       a, [](auto& cell) __attribute__((always_inline)) { cell.scan(); });
 }
 
-KERNEL gradient(device::CellArguments a) {
+VARIMESH_KERNEL gradient(device::CellArguments a) {
   for_cell<kParts[1]>(
       a, [](auto& cell) __attribute__((always_inline)) { cell.template gradient<false>(); });
 }
 
-KERNEL linearise(device::CellArguments a) {
+VARIMESH_KERNEL linearise(device::CellArguments a) {
   for_cell<kParts[1]>(
       a, [](auto& cell) __attribute__((always_inline)) { cell.template gradient<true>(); });
 }
 
-KERNEL product(device::ProductArguments a) {
+VARIMESH_KERNEL product(device::ProductArguments a) {
   const float* table = shared_copy(a.derivatives, device::padded_points(a.points, kParts[2]) * Product::kRow);
   const std::int64_t number = thread();
   if (number >= static_cast<std::int64_t>(a.batches) * kBatch * kParts[2]) return;
   Product(a, table, Place<kParts[2]>::of(number)).multiply();
 }
 
-KERNEL add_up_products(device::SumArguments a) {
-  shared_numbers[thread_of_block()] = add_up_product<3>(a, thread());
-  for (int width = threads_of_block() / 2; width > 0; width /= 2) {
-    __syncthreads();
-    if (thread_of_block() < width)
-      shared_numbers[thread_of_block()] = shared_numbers[thread_of_block()] + shared_numbers[thread_of_block() + width];
-  }
-  if (thread_of_block() == 0) a.along[__nvvm_read_ptx_sreg_ctaid_x()] = shared_numbers[0];
-}
+VARIMESH_KERNEL add_up_products(device::SumArguments a) { add_up_products_of_block<3>(a); }
 
-KERNEL add_up_gradients(device::SumArguments a) { add_up_gradient<3>(a, thread()); }
+VARIMESH_KERNEL add_up_gradients(device::SumArguments a) { add_up_gradient<3>(a, thread()); }
 
 }  // namespace varimesh::N_ONE_LANE

@@ -9,8 +9,8 @@
 #define VARIMESH_DEVICE_PRODUCT_INL_H
 #endif
 
-#include "core/device_kernels/arguments.h"
-#include "core/device_kernels/parts-inl.h"
+#include "core/device_kernels/kernels/arguments.h"
+#include "core/device_kernels/kernels/parts-inl.h"
 #include "core/kernels/hessian/kept_points-inl.h"
 #include "core/kernels/hessian/stress_change-inl.h"
 

@@ -1,0 +1,32 @@
+// What the kernels of every module for cards share: the number of a thread, and sums at nodes. Included inside
+// "force_cuda_host_device", after the headers of the kernels.
+#pragma once
+
+#include "core/device_kernels/kernels/product-inl.h"
+
+#define VARIMESH_ON_CARD __attribute__((device)) inline __attribute__((always_inline))
+#define VARIMESH_KERNEL extern "C" __attribute__((global)) __attribute__((launch_bounds(128))) void
+
+namespace varimesh::N_ONE_LANE {
+
+/// The memory that the threads of a block share.
+extern __attribute__((shared)) double shared_numbers[];
+
+VARIMESH_ON_CARD int thread_of_block() { return __nvvm_read_ptx_sreg_tid_x(); }
+VARIMESH_ON_CARD int threads_of_block() { return __nvvm_read_ptx_sreg_ntid_x(); }
+VARIMESH_ON_CARD std::int64_t thread() {
+  return static_cast<std::int64_t>(__nvvm_read_ptx_sreg_ctaid_x()) * threads_of_block() + thread_of_block();
+}
+
+template <int d>
+VARIMESH_ON_CARD void add_up_products_of_block(const device::SumArguments& a) {
+  shared_numbers[thread_of_block()] = add_up_product<d>(a, thread());
+  for (int width = threads_of_block() / 2; width > 0; width /= 2) {
+    __syncthreads();
+    if (thread_of_block() < width)
+      shared_numbers[thread_of_block()] = shared_numbers[thread_of_block()] + shared_numbers[thread_of_block() + width];
+  }
+  if (thread_of_block() == 0) a.along[__nvvm_read_ptx_sreg_ctaid_x()] = shared_numbers[0];
+}
+
+}  // namespace varimesh::N_ONE_LANE

@@ -1,0 +1,86 @@
+#include "core/device_kernels/general_cells.h"
+
+namespace varimesh::device {
+
+Possible<void> GeneralCells::copy(const Module& kernels) {
+  const std::pair<const char*, Kernel*> wanted[] = {{"deform", &deform_},
+                                                    {"scan", &scan_},
+                                                    {"range", &range_},
+                                                    {"stress", &stress_},
+                                                    {"linearise", &linearise_},
+                                                    {"gradient", &gradient_},
+                                                    {"change_stress", &change_stress_},
+                                                    {"product", &product_}};
+  for (const auto& [name, kernel] : wanted) {
+    auto found = kernels.kernel(name);
+    if (!found) return tl::unexpected(found.error());
+    *kernel = std::move(*found);
+  }
+  Possible<void> done = copy_cells();
+  const int square = set_.dimension * set_.dimension, per_cell = set_.affine ? 1 : set_.points;
+  const auto slot = [&](int i) { return slots_[static_cast<std::size_t>(i)]; };
+  std::vector<double> derivatives;
+  for (const int point : slots_)
+    for (int k = 0; k < set_.dimension; ++k)
+      for (int n = 0; n < set_.nodes_per_cell; ++n)
+        derivatives.push_back(set_.derivatives_of(n)[k * set_.stride + point]);
+  if (done) done = keep(device_, derivatives_, derivatives);
+  if (done)
+    done = keep(device_, inverse_target_, in_batches<double>(per_cell * square, [&](std::int32_t cell, int i) {
+                  const double* inverse = set_.inverse_target_of(cell);
+                  return set_.affine ? inverse[i] : inverse[i % square * set_.stride + slot(i / square)];
+                }));
+  if (done)
+    done = keep(device_, measure_, in_batches<double>(per_cell, [&](std::int32_t cell, int i) {
+                  const double* measure = set_.measure_of(cell);
+                  return set_.affine ? *measure : measure[slot(i)] / set_.weights[static_cast<std::size_t>(slot(i))];
+                }));
+  if (!done) return done;
+  auto fields = device_.allocate(lanes() * static_cast<std::size_t>(set_.points * square) * sizeof(double));
+  if (!fields) return tl::unexpected(fields.error());
+  fields_ = std::move(*fields);
+  return {};
+}
+
+GeneralArguments GeneralCells::arguments(const SharedArrays& shared) const {
+  auto a = common_arguments<GeneralArguments>(shared);
+  a.nodes = set_.nodes_per_cell;
+  a.affine = set_.affine;
+  a.derivatives = derivatives_.as<const double>();
+  a.cell_nodes = nodes_.as<const std::int32_t>();
+  a.ranks = ranks_.as<const std::int32_t>();
+  a.direction = shared.direction;
+  a.fields = fields_.as<double>();
+  a.changes = fields_.as<float>();
+  return a;
+}
+
+Possible<void> GeneralCells::run(const Kernel& kernel, int per_batch, GeneralArguments& arguments) {
+  return device_.launch(kernel, {static_cast<std::int64_t>(lanes()) * per_batch, kBlock, 0}, &arguments);
+}
+
+Possible<void> GeneralCells::scan(const SharedArrays& shared) {
+  GeneralArguments a = arguments(shared);
+  Possible<void> done = run(deform_, set_.points, a);
+  if (done) done = run(scan_, 1, a);
+  return done;
+}
+
+Possible<void> GeneralCells::gradient(const SharedArrays& shared, bool keeps) {
+  GeneralArguments a = arguments(shared);
+  Possible<void> done = run(deform_, set_.points, a);
+  if (done && keeps) done = run(range_, 1, a);
+  if (done) done = run(keeps ? linearise_ : stress_, set_.points, a);
+  if (done) done = run(gradient_, set_.nodes_per_cell, a);
+  return done;
+}
+
+Possible<void> GeneralCells::product(const SharedArrays& shared) {
+  GeneralArguments a = arguments(shared);
+  a.contributions = contributions_of(shared, set_.dimension);
+  Possible<void> done = run(change_stress_, set_.points, a);
+  if (done) done = run(product_, set_.nodes_per_cell, a);
+  return done;
+}
+
+}  // namespace varimesh::device

@@ -1,0 +1,131 @@
+// One set of cells on a device: its arrays, and the launches of its kernels. There are two kinds (split_cells.h,
+// general_cells.h).
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/device/device.h"
+#include "core/energy/material.h"
+#include "core/kernels/hessian/batch.h"
+#include "core/kernels/kernels.h"
+#include "core/problem/problem.h"
+
+namespace varimesh::device {
+
+/// Threads of a block.
+inline constexpr int kBlock = 128;
+
+/// Fills a buffer, and makes it first if it has another size.
+template <class T>
+Possible<void> keep(Device& device, Buffer& buffer, const std::vector<T>& numbers) {
+  if (!numbers.empty() && buffer.bytes() == numbers.size() * sizeof(T))
+    return buffer.upload(std::span<const T>(numbers));
+  auto made = device.allocate_with(std::span<const T>(numbers));
+  if (!made) return tl::unexpected(made.error());
+  buffer = std::move(*made);
+  return {};
+}
+
+/// Arrays that the sets of a problem share.
+struct SharedArrays {
+  const double* positions = nullptr;
+  const float* direction = nullptr;
+  float* contributions = nullptr;  ///< Of all sets.
+};
+
+class SetOnDevice {
+ public:
+  /// @param first     how many contributions the sets before it have
+  /// @param rank_of   by node: its rank, or Problem::free.size() if it is fixed
+  SetOnDevice(Device& device, const CellSet& set, const Material& material, std::size_t first,
+              const std::vector<std::int32_t>& rank_of)
+      : device_(device), set_(set), material_(material), first_(first), rank_of_(rank_of) {}
+  virtual ~SetOnDevice() = default;
+
+  /// Copies the set to the device.
+  virtual Possible<void> copy(const Module& kernels) = 0;
+  /// Copies CellSet::delta_squared and CellSet::energy_slope again.
+  Possible<void> weigh();
+
+  // Launches kernels.
+  virtual Possible<void> scan(const SharedArrays& shared) = 0;
+  virtual Possible<void> gradient(const SharedArrays& shared, bool keeps) = 0;
+  virtual Possible<void> product(const SharedArrays& shared) = 0;
+
+  /// The results of scan(), by cell of the set.
+  Possible<void> download_scans(std::span<CellScan> scans) const;
+
+  /// Contributions: nodes of its cells, lanes past the last cell included.
+  std::size_t contributions() const { return lanes() * static_cast<std::size_t>(set_.nodes_per_cell); }
+  virtual std::size_t memory() const;
+
+  // What was kept by gradient(), as BatchSet has it; for tests.
+  const Buffer& linearisation() const { return linearisation_; }
+  const Buffer& deformation() const { return deformation_; }
+  const Buffer& mean() const { return mean_; }
+
+ protected:
+  std::int32_t batches() const { return (set_.count + kBatch - 1) / kBatch; }
+  std::size_t lanes() const { return static_cast<std::size_t>(batches()) * kBatch; }
+  /// The first of its contributions, of `width` numbers each.
+  float* contributions_of(const SharedArrays& shared, int width) const {
+    return shared.contributions + first_ * static_cast<std::size_t>(width);
+  }
+  /// Copies what both kinds have: nodes, ranks, left factors, weights of points and cells; makes room for results.
+  Possible<void> copy_cells();
+  /// Rearranges `size` numbers per cell to batch × number × lane. Lanes past the last cell repeat it.
+  template <class T, class Number>
+  std::vector<T> in_batches(int size, const Number& number) const;
+  /// The arguments that both kinds of kernels have.
+  template <class Arguments>
+  Arguments common_arguments(const SharedArrays& shared) const;
+
+  Device& device_;
+  const CellSet& set_;
+  const Material material_;
+  const std::size_t first_;
+  const std::vector<std::int32_t>& rank_of_;
+  std::vector<int> slots_;  ///< The quadrature point of each slot (FoldedGradient::points).
+  int entries_ = 0;         ///< KeptPartials::kEntries.
+
+  Buffer weights_, nodes_, ranks_, inverse_target_, left_factor_, measure_, delta_squared_, slope_;
+  Buffer scans_, linearisation_, deformation_, mean_;
+};
+
+template <class T, class Number>
+std::vector<T> SetOnDevice::in_batches(int size, const Number& number) const {
+  std::vector<T> out;
+  out.reserve(lanes() * static_cast<std::size_t>(size));
+  for (std::int32_t b = 0; b < batches(); ++b)
+    for (int i = 0; i < size; ++i)
+      for (int lane = 0; lane < kBatch; ++lane)
+        out.push_back(static_cast<T>(number(std::min(b * kBatch + lane, set_.count - 1), i)));
+  return out;
+}
+
+template <class Arguments>
+Arguments SetOnDevice::common_arguments(const SharedArrays& shared) const {
+  Arguments a;
+  a.material = material_;
+  a.batches = batches();
+  a.points = set_.points;
+  a.weights = weights_.as<const double>();
+  a.inverse_target = inverse_target_.as<const double>();
+  a.left_factor = left_factor_.as<const double>();
+  a.measure = measure_.as<const double>();
+  a.delta_squared = delta_squared_.as<const double>();
+  a.slope = slope_.as<const double>();
+  a.positions = shared.positions;
+  a.scans = scans_.as<double>();
+  a.contributions = contributions_of(shared, 2 * set_.dimension);
+  a.linearisation = linearisation_.as<float>();
+  a.deformation = deformation_.as<std::int16_t>();
+  a.mean = mean_.as<float>();
+  return a;
+}
+
+}  // namespace varimesh::device
