@@ -8,7 +8,10 @@ from pathlib import Path
 SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
 sys.path.insert(0, str(SOURCE / "tests" / "pages"))
 import browser
-from over_http import WithHttp
+from over_http import TLS, WithHttp
+
+if TLS:
+    browser.FLAGS.append("--ignore-certificate-errors")  # of an authority that no browser knows
 
 
 class WithPage(WithHttp):
@@ -29,7 +32,7 @@ class WithPage(WithHttp):
         self.page.save_downloads(self.folder)
 
     def open(self, path="/"):
-        self.page.open(f"http://{self.http}{path}")
+        self.page.open(self.url + path)
 
     def look_at(self, mesh):
         """Drops a mesh on the page and waits for its picture and the form."""
@@ -60,5 +63,5 @@ class WithPage(WithHttp):
 
     def check_clean(self):
         self.assertEqual(self.page.errors, [])
-        asked = {one for one in self.page.requests if not one.startswith((f"http://{self.http}/", "blob:", "data:", "about:"))}
+        asked = {one for one in self.page.requests if not one.startswith((self.url + "/", "blob:", "data:", "about:"))}
         self.assertEqual(asked, set(), "everything comes from this server")
