@@ -227,6 +227,8 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
 
 Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads,
                         const StopToken* stop) {
+  constexpr std::string_view kMarkOfUtf8 = "\xef\xbb\xbf";  // with which editors of Windows begin a text
+  if (bytes.starts_with(kMarkOfUtf8)) bytes.remove_prefix(kMarkOfUtf8.size());
   const auto entry = std::find_if(table.begin(), table.end(), [&](const FormatEntry& each) {
     return each.recognises != nullptr && each.recognises(bytes);
   });

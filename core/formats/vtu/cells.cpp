@@ -140,7 +140,9 @@ std::string why_not(std::int64_t type) {
     case 36:
     case 41:
     case 42:
-      return "is no triangle, quadrilateral, tetrahedron, pyramid, prism or hexahedron";
+      return "is no triangle, quadrilateral, tetrahedron, pyramid, prism or hexahedron; take such cells out, for "
+             "example "
+             "with ParaView's filter Extract Cells By Type";
     default:
       return type >= 75 && type <= 81 ? "is a Bézier cell; write Lagrange cells" : "is not known to VariMesh";
   }

@@ -38,6 +38,16 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
   }
 }
 
+TEST(OtherFiles, TextsMayBeginWithTheMarkOfUtf8) {
+  const std::string triangle = "*node\r\n1, 0, 0\r\n2, 1, 0\r\n3, 0, 1\r\n*element, type=CPS3\r\n1, 1, 2, 3\r\n";
+  for (const std::string& begin : {std::string(), std::string("\xef\xbb\xbf")}) {
+    const auto file = formats::read(begin + triangle);
+    ASSERT_TRUE(file) << file.error().sentence;
+    EXPECT_EQ(file->format, formats::Format::Abaqus);
+    EXPECT_EQ(file->mesh.node_count(), 3U);
+  }
+}
+
 const std::string kNodes = "$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 1 1 0\n$EndNodes\n";
 
 TEST(OldVersions, Msh20HasNamesWithoutDimensionsAndOnePartitionPerElement) {
