@@ -22,7 +22,8 @@ namespace varimesh::server {
 /// civetweb 1.15 encrypts only with OpenSSL up to 1.1. One thread does all of it, and nobody waits for a slow client.
 ///
 /// A connection to that port comes from an address of its own in 127.0.0.0/8, by which the caller is found again. Other
-/// programs of this machine can reach the port, too, but their connections have no caller.
+/// programs of this machine can reach the port, too, but their connections have no caller. The process must ignore
+/// SIGPIPE, since OpenSSL writes to connections that clients have closed.
 class TlsFront {
  public:
   struct Caller {
