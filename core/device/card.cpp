@@ -1,6 +1,7 @@
 #include "core/device/card.h"
 
 #include <array>
+#include <bit>
 
 #include "core/device/unpack.h"
 
@@ -85,7 +86,7 @@ class Card final : public Device {
     cuda::Module module = nullptr;
     std::array<char, 1024> log{};
     int options[] = {cuda::kErrorLog, cuda::kErrorLogBytes};
-    void* values[] = {log.data(), reinterpret_cast<void*>(log.size() - 1)};
+    void* values[] = {log.data(), std::bit_cast<void*>(log.size() - 1)};
     if (const auto there = enter(); !there) return tl::unexpected(there.error());
     const Result result = driver_.load_module(&module, ptx.c_str(), 2, options, values);
     if (result == cuda::kOutOfMemory) return tl::unexpected(out_of_memory("the kernels " + name));
@@ -115,7 +116,7 @@ class Card final : public Device {
                                                  std::to_string(properties_.shared_memory) +
                                                  " bytes of shared memory per block, and the kernel " + kernel.name +
                                                  " needs " + std::to_string(launch.shared_bytes) + ".");
-      const auto allowed = checked(
+      auto allowed = checked(
           [&] { return driver_.set_function_attribute(function, cuda::kMostDynamicSharedMemory, launch.shared_bytes); },
           when);
       if (!allowed) return allowed;
@@ -165,7 +166,7 @@ class Card final : public Device {
 
   template <class Call>
   Possible<void> checked(const Call& call, const std::string& when) {
-    if (const auto there = enter(); !there) return there;
+    if (auto there = enter(); !there) return there;
     return judged(call(), when);
   }
 

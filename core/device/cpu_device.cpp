@@ -1,6 +1,7 @@
 #include "core/device/cpu_device.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <limits>
 #include <new>
@@ -60,13 +61,13 @@ class CpuDevice final : public Device {
       return fault(Fault::Kind::OutOfMemory, "This machine has no " + std::to_string(bytes) + " bytes of free memory.");
     return reinterpret_cast<Address>(memory);
   }
-  void free_bytes(Address address) override { ::operator delete(reinterpret_cast<void*>(address), kAlignment); }
+  void free_bytes(Address address) override { ::operator delete(std::bit_cast<void*>(address), kAlignment); }
   Possible<void> copy_in(Address to, const void* from, std::size_t bytes) override {
-    std::memcpy(reinterpret_cast<void*>(to), from, bytes);
+    std::memcpy(std::bit_cast<void*>(to), from, bytes);
     return {};
   }
   Possible<void> copy_out(void* to, Address from, std::size_t bytes) override {
-    std::memcpy(to, reinterpret_cast<const void*>(from), bytes);
+    std::memcpy(to, std::bit_cast<const void*>(from), bytes);
     return {};
   }
 

@@ -3,6 +3,7 @@
 // same source, one thread after another. So whatever uses a device can be tested on a machine without one.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -114,7 +115,7 @@ class Buffer {
   /// The memory as kernels see it. Only kernels may follow the pointer. Null if there is no buffer.
   template <class T>
   T* as() const {
-    return device_ == nullptr ? nullptr : reinterpret_cast<T*>(address_);
+    return device_ == nullptr ? nullptr : std::bit_cast<T*>(address_);
   }
 
   /// `numbers` must fit.

@@ -13,9 +13,10 @@ Possible<std::unique_ptr<CellsOnDevice>> CellsOnDevice::make(Device& device, con
                                                              const Material& material) {
   std::unique_ptr<CellsOnDevice> cells(new CellsOnDevice(device, problem, material));
   Possible<void> done;
-  for (const auto step : {&CellsOnDevice::copy_sets, &CellsOnDevice::load_sums, &CellsOnDevice::copy_nodes,
-                          &CellsOnDevice::place, &CellsOnDevice::weigh})
+  for (const auto step :
+       {&CellsOnDevice::copy_sets, &CellsOnDevice::load_sums, &CellsOnDevice::copy_nodes, &CellsOnDevice::place})
     if (done) done = (*cells.*step)();
+  if (done) done = cells->weigh();
   if (!done) return tl::unexpected(done.error());
   return cells;
 }
@@ -44,7 +45,7 @@ Possible<void> CellsOnDevice::copy_sets() {
       sets_.push_back(std::make_unique<SplitCells>(device_, set, material_, first, rank_of_));
     else
       sets_.push_back(std::make_unique<GeneralCells>(device_, set, material_, first, rank_of_));
-    if (const auto done = sets_.back()->copy(**module); !done) return done;
+    if (auto done = sets_.back()->copy(**module); !done) return done;
     first += sets_.back()->contributions();
   }
   auto room = device_.allocate(first * 2 * static_cast<std::size_t>(problem_.dimension) * sizeof(float));
@@ -92,10 +93,14 @@ Possible<void> CellsOnDevice::copy_nodes() {
 
 Possible<void> CellsOnDevice::place() { return keep(device_, positions_, problem_.positions); }
 
-Possible<void> CellsOnDevice::weigh() {
+Possible<void> CellsOnDevice::weigh(std::span<const double> curvatures) {
   Possible<void> done;
-  for (const auto& set : sets_)
-    if (done) done = set->weigh();
+  for (std::size_t s = 0; s < sets_.size() && done; ++s) {
+    const CellSet& set = problem_.sets[s];
+    done = sets_[s]->weigh(curvatures.empty() ? curvatures
+                                              : curvatures.subspan(static_cast<std::size_t>(set.first),
+                                                                   static_cast<std::size_t>(set.count)));
+  }
   return done;
 }
 
@@ -133,6 +138,8 @@ Possible<void> CellsOnDevice::run_gradient(std::span<double> gradient, bool keep
   Possible<void> done;
   for (const auto& set : sets_)
     if (done) done = set->gradient(shared(), keeps);
+  for (const auto& set : sets_)
+    if (done && keeps) done = set->keep_cell_gradients(shared());
   SumArguments sums = sum_arguments();
   if (done) done = device_.launch(add_up_gradients_, {sums.nodes, kBlock, 0}, &sums);
   if (done) done = gradient_.download(gradient);
@@ -146,6 +153,8 @@ Possible<double> CellsOnDevice::multiply(std::span<const float> direction, std::
   Possible<void> done = direction_.upload(std::span<const float>(padded));
   for (const auto& set : sets_)
     if (done) done = set->product(shared());
+  for (const auto& set : sets_)
+    if (done) done = set->add_norm_term(shared());
   SumArguments sums = sum_arguments();
   const Launch launch{sums.nodes, kBlock, kBlock * static_cast<int>(sizeof(double))};
   if (done) done = device_.launch(add_up_products_, launch, &sums);

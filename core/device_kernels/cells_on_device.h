@@ -30,7 +30,10 @@ class CellsOnDevice {
   /// Copies Problem::positions again.
   Possible<void> place();
   /// Copies CellSet::delta_squared and CellSet::energy_slope again.
-  Possible<void> weigh();
+  ///
+  /// @param curvatures  by cell number: φ'' of the p-norm Σ φ(E), whose slopes φ' are CellSet::energy_slope
+  ///                    (PNorm::curvature); none: the sum of the energies
+  Possible<void> weigh(std::span<const double> curvatures = {});
 
   /// The scans of all cells, by number.
   Possible<std::vector<CellScan>> scan();
@@ -38,7 +41,8 @@ class CellsOnDevice {
   Possible<void> gradient(std::span<double> gradient) { return run_gradient(gradient, false); }
   /// The same, bit for bit, and keeps what products need.
   Possible<void> linearise(std::span<double> gradient) { return run_gradient(gradient, true); }
-  /// product = Hessian times direction; returns direction · product. Both have d floats per free node.
+  /// product = Hessian times direction, after linearise(); returns direction · product. Both have d floats per free
+  /// node.
   Possible<double> multiply(std::span<const float> direction, std::span<float> product);
 
   /// Bytes on the device.

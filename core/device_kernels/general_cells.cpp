@@ -11,12 +11,8 @@ Possible<void> GeneralCells::copy(const Module& kernels) {
                                                     {"gradient", &gradient_},
                                                     {"change_stress", &change_stress_},
                                                     {"product", &product_}};
-  for (const auto& [name, kernel] : wanted) {
-    auto found = kernels.kernel(name);
-    if (!found) return tl::unexpected(found.error());
-    *kernel = std::move(*found);
-  }
-  Possible<void> done = copy_cells();
+  Possible<void> done = find_kernels(kernels, wanted);
+  if (done) done = copy_cells();
   const int square = set_.dimension * set_.dimension, per_cell = set_.affine ? 1 : set_.points;
   const auto slot = [&](int i) { return slots_[static_cast<std::size_t>(i)]; };
   std::vector<double> derivatives;

@@ -1,8 +1,26 @@
 #include "core/device_kernels/set_on_device.h"
 
+#include <cmath>
+
 #include "core/kernels/hessian/batches.h"
 
 namespace varimesh::device {
+
+Possible<void> SetOnDevice::find_kernels(const Module& kernels,
+                                         std::span<const std::pair<const char*, Kernel*>> wanted) {
+  const auto find = [&](const char* name, Kernel& kernel) -> Possible<void> {
+    auto found = kernels.kernel(name);
+    if (!found) return tl::unexpected(found.error());
+    kernel = std::move(*found);
+    return {};
+  };
+  Possible<void> done = find("keep_cell_gradients", keep_cell_gradients_);
+  if (done) done = find("along_cell_gradients", along_cell_gradients_);
+  if (done) done = find("add_norm_terms", add_norm_terms_);
+  for (const auto& [name, kernel] : wanted)
+    if (done) done = find(name, *kernel);
+  return done;
+}
 
 Possible<void> SetOnDevice::copy_cells() {
   slots_ = fold_gradient(set_).points;
@@ -40,21 +58,65 @@ Possible<void> SetOnDevice::copy_cells() {
   return done;
 }
 
-Possible<void> SetOnDevice::weigh() {
-  const Possible<void> done = keep(device_, delta_squared_, in_batches<double>(1, [&](std::int32_t cell, int) {
-                                     return set_.delta_squared[static_cast<std::size_t>(cell)];
-                                   }));
+Possible<void> SetOnDevice::weigh(std::span<const double> curvatures) {
+  Possible<void> done = keep(device_, delta_squared_, in_batches<double>(1, [&](std::int32_t cell, int) {
+                               return set_.delta_squared[static_cast<std::size_t>(cell)];
+                             }));
   if (!done) return done;
   std::vector<double> slopes = in_batches<double>(1, [&](std::int32_t cell, int) {
     return set_.energy_slope.empty() ? 1.0 : set_.energy_slope[static_cast<std::size_t>(cell)];
   });
   std::fill(slopes.begin() + set_.count, slopes.end(), 0.0);
-  return keep(device_, slope_, slopes);
+  done = keep(device_, slope_, slopes);
+  if (!done || curvatures.empty()) return done;
+  done = keep(device_, norm_factor_, in_batches<double>(1, [&](std::int32_t cell, int) {
+                const double slope =
+                    set_.energy_slope.empty() ? 1.0 : set_.energy_slope[static_cast<std::size_t>(cell)];
+                // The contributions to the gradient are already multiplied by the slope.
+                return slope > 0 ? std::sqrt(curvatures[static_cast<std::size_t>(cell)]) / slope : 0.0;
+              }));
+  const std::pair<Buffer*, std::size_t> sizes[] = {
+      {&cell_gradients_, contributions() * static_cast<std::size_t>(set_.dimension) * sizeof(float)},
+      {&along_, lanes() * sizeof(float)}};
+  for (const auto& [buffer, bytes] : sizes) {
+    if (!done || buffer->bytes() == bytes) continue;
+    auto made = device_.allocate(bytes);
+    if (!made) return tl::unexpected(made.error());
+    *buffer = std::move(*made);
+  }
+  return done;
+}
+
+NormArguments SetOnDevice::norm_arguments(const SharedArrays& shared, int width) const {
+  NormArguments a;
+  a.batches = batches();
+  a.nodes = set_.nodes_per_cell;
+  a.factor = norm_factor_.as<const double>();
+  a.gradients = cell_gradients_.as<float>();
+  a.along = along_.as<float>();
+  a.ranks = ranks_.as<const std::int32_t>();
+  a.direction = shared.direction;
+  a.contributions = contributions_of(shared, width);
+  return a;
+}
+
+Possible<void> SetOnDevice::keep_cell_gradients(const SharedArrays& shared) {
+  if (norm_factor_.bytes() == 0) return {};
+  NormArguments a = norm_arguments(shared, 2 * set_.dimension);
+  return device_.launch(keep_cell_gradients_, {static_cast<std::int64_t>(contributions()), kBlock, 0}, &a);
+}
+
+Possible<void> SetOnDevice::add_norm_term(const SharedArrays& shared) {
+  if (norm_factor_.bytes() == 0) return {};
+  NormArguments a = norm_arguments(shared, set_.dimension);
+  Possible<void> done = device_.launch(along_cell_gradients_, {static_cast<std::int64_t>(lanes()), kBlock, 0}, &a);
+  if (done) done = device_.launch(add_norm_terms_, {static_cast<std::int64_t>(contributions()), kBlock, 0}, &a);
+  return done;
 }
 
 Possible<void> SetOnDevice::download_scans(std::span<CellScan> scans) const {
   std::vector<double> numbers(lanes() * 3);
-  if (const auto done = scans_.download(std::span<double>(numbers)); !done) return done;
+  if (auto done = scans_.download(std::span<double>(numbers)); !done) return done;
   for (std::size_t cell = 0; cell < scans.size(); ++cell) {
     const double* from = numbers.data() + cell / kBatch * 3 * kBatch + cell % kBatch;
     scans[cell] = {from[0], from[kBatch], from[2 * kBatch]};
@@ -64,8 +126,9 @@ Possible<void> SetOnDevice::download_scans(std::span<CellScan> scans) const {
 
 std::size_t SetOnDevice::memory() const {
   std::size_t bytes = 0;
-  for (const Buffer* buffer : {&weights_, &nodes_, &ranks_, &inverse_target_, &left_factor_, &measure_, &delta_squared_,
-                               &slope_, &scans_, &linearisation_, &deformation_, &mean_})
+  for (const Buffer* buffer :
+       {&weights_, &nodes_, &ranks_, &inverse_target_, &left_factor_, &measure_, &delta_squared_, &slope_,
+        &norm_factor_, &cell_gradients_, &along_, &scans_, &linearisation_, &deformation_, &mean_})
     bytes += buffer->bytes();
   return bytes;
 }

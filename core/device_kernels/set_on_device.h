@@ -6,9 +6,11 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/device/device.h"
+#include "core/device_kernels/kernels/arguments.h"
 #include "core/energy/material.h"
 #include "core/kernels/hessian/batch.h"
 #include "core/kernels/kernels.h"
@@ -48,13 +50,18 @@ class SetOnDevice {
 
   /// Copies the set to the device.
   virtual Possible<void> copy(const Module& kernels) = 0;
-  /// Copies CellSet::delta_squared and CellSet::energy_slope again.
-  Possible<void> weigh();
+  /// Copies CellSet::delta_squared and CellSet::energy_slope again, and the curvatures φ'' of the cells; none: no
+  /// p-norm.
+  Possible<void> weigh(std::span<const double> curvatures);
 
   // Launches kernels.
   virtual Possible<void> scan(const SharedArrays& shared) = 0;
   virtual Possible<void> gradient(const SharedArrays& shared, bool keeps) = 0;
   virtual Possible<void> product(const SharedArrays& shared) = 0;
+
+  // Launch kernels of the p-norm's term, if there are curvatures: after a gradient that keeps, and after a product.
+  Possible<void> keep_cell_gradients(const SharedArrays& shared);
+  Possible<void> add_norm_term(const SharedArrays& shared);
 
   /// The results of scan(), by cell of the set.
   Possible<void> download_scans(std::span<CellScan> scans) const;
@@ -75,6 +82,8 @@ class SetOnDevice {
   float* contributions_of(const SharedArrays& shared, int width) const {
     return shared.contributions + first_ * static_cast<std::size_t>(width);
   }
+  Possible<void> find_kernels(const Module& kernels, std::span<const std::pair<const char*, Kernel*>> wanted);
+  NormArguments norm_arguments(const SharedArrays& shared, int width) const;
   /// Copies what both kinds have: nodes, ranks, left factors, weights of points and cells; makes room for results.
   Possible<void> copy_cells();
   /// Rearranges `size` numbers per cell to batch × number × lane. Lanes past the last cell repeat it.
@@ -94,6 +103,8 @@ class SetOnDevice {
 
   Buffer weights_, nodes_, ranks_, inverse_target_, left_factor_, measure_, delta_squared_, slope_;
   Buffer scans_, linearisation_, deformation_, mean_;
+  Buffer norm_factor_, cell_gradients_, along_;  ///< Empty: no p-norm.
+  Kernel keep_cell_gradients_, along_cell_gradients_, add_norm_terms_;
 };
 
 template <class T, class Number>

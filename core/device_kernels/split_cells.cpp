@@ -36,13 +36,9 @@ std::vector<T> table_of(const CellSet& set, const std::vector<int>& slots, int p
 Possible<void> SplitCells::copy(const Module& kernels) {
   const std::pair<const char*, Kernel*> wanted[] = {
       {"energy", &energy_}, {"gradient", &gradient_}, {"linearise", &linearise_}, {"product", &product_}};
-  for (const auto& [name, kernel] : wanted) {
-    auto found = kernels.kernel(name);
-    if (!found) return tl::unexpected(found.error());
-    *kernel = std::move(*found);
-  }
   const auto parts = [&](CellKernel kernel) { return parts_of(kernel, set_.nodes_per_cell); };
-  Possible<void> done = copy_cells();
+  Possible<void> done = find_kernels(kernels, wanted);
+  if (done) done = copy_cells();
   if (done)
     done = keep(device_, inverse_target_,
                 in_batches<double>(set_.dimension * set_.dimension,

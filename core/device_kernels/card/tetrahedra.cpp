@@ -82,4 +82,10 @@ VARIMESH_KERNEL add_up_products(device::SumArguments a) { add_up_products_of_blo
 
 VARIMESH_KERNEL add_up_gradients(device::SumArguments a) { add_up_gradient<3>(a, thread()); }
 
+VARIMESH_KERNEL keep_cell_gradients(device::NormArguments a) { keep_cell_gradient<3>(a, thread()); }
+
+VARIMESH_KERNEL along_cell_gradients(device::NormArguments a) { along_cell_gradient<3>(a, thread()); }
+
+VARIMESH_KERNEL add_norm_terms(device::NormArguments a) { add_norm_term<3>(a, thread()); }
+
 }  // namespace varimesh::N_ONE_LANE

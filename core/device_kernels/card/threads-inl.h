@@ -2,6 +2,7 @@
 // "force_cuda_host_device", after the headers of the kernels.
 #pragma once
 
+#include "core/device_kernels/kernels/norm-inl.h"
 #include "core/device_kernels/kernels/product-inl.h"
 
 #define VARIMESH_ON_CARD __attribute__((device)) inline __attribute__((always_inline))

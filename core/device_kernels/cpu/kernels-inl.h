@@ -10,6 +10,7 @@
 #include "core/device/device.h"
 #include "core/device_kernels/kernels/cells-inl.h"
 #include "core/device_kernels/kernels/general-inl.h"
+#include "core/device_kernels/kernels/norm-inl.h"
 #include "core/device_kernels/kernels/product-inl.h"
 #include "core/energy/table-inl.h"
 
@@ -42,6 +43,14 @@ void add_up_gradients(const void* arguments, std::int32_t block, std::int32_t th
   const auto& a = *static_cast<const device::SumArguments*>(arguments);
   for (std::int32_t thread = 0; thread < threads; ++thread)
     add_up_gradient<d>(a, static_cast<std::int64_t>(block) * threads + thread);
+}
+
+/// Calls a function of the p-norm's term for each thread of a block.
+template <void (*function)(const device::NormArguments&, std::int64_t)>
+void norm_kernel(const void* arguments, std::int32_t block, std::int32_t threads) {
+  const auto& a = *static_cast<const device::NormArguments*>(arguments);
+  for (std::int32_t thread = 0; thread < threads; ++thread)
+    function(a, static_cast<std::int64_t>(block) * threads + thread);
 }
 
 template <class E, int d, int nodes>
@@ -79,6 +88,9 @@ struct CpuKernels {
       {"product", product},
       {"add_up_products", add_up_products<d>},
       {"add_up_gradients", add_up_gradients<d>},
+      {"keep_cell_gradients", norm_kernel<keep_cell_gradient<d>>},
+      {"along_cell_gradients", norm_kernel<along_cell_gradient<d>>},
+      {"add_norm_terms", norm_kernel<add_norm_term<d>>},
   };
 };
 
@@ -134,6 +146,9 @@ struct GeneralCpuKernels {
       {"product", product},
       {"add_up_products", add_up_products<d>},
       {"add_up_gradients", add_up_gradients<d>},
+      {"keep_cell_gradients", norm_kernel<keep_cell_gradient<d>>},
+      {"along_cell_gradients", norm_kernel<along_cell_gradient<d>>},
+      {"add_norm_terms", norm_kernel<add_norm_term<d>>},
   };
 };
 

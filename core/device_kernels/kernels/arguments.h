@@ -84,6 +84,18 @@ struct GeneralArguments {
   float* mean = nullptr;
 };
 
+/// The p-norm's own term, in the cells of a set.
+struct NormArguments {
+  std::int32_t batches = 0;
+  std::int32_t nodes = 0;          ///< Of a cell.
+  const double* factor = nullptr;  ///< batches × lane: √φ''/φ'; 0 where φ' is 0.
+  float* gradients = nullptr;      ///< batches × node × lane × d: √φ'' g.
+  float* along = nullptr;          ///< batches × lane: √φ'' g · direction.
+  const std::int32_t* ranks = nullptr;
+  const float* direction = nullptr;
+  float* contributions = nullptr;  ///< Of width 2 d after a gradient, of width d after a product.
+};
+
 /// Sums over the cells of each node, of the contributions of all sets.
 struct SumArguments {
   std::int32_t nodes = 0;                 ///< Free nodes.

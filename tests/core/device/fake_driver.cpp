@@ -15,6 +15,7 @@
 //   lost_at_wait=3     the third launch breaks the card, and the next call that waits is the first to say so
 //   shared=49152       bytes of shared memory per block
 //   wrong              results that are copied from the card have a wrong bit
+#include <bit>
 #include <cstdlib>
 #include <cstring>
 #include <map>
@@ -222,19 +223,19 @@ Result cuMemFree_v2(std::uint64_t address) {
   if (found == card.allocated.end()) return kInvalidValue;
   card.used -= found->second;
   card.allocated.erase(found);
-  std::free(reinterpret_cast<void*>(address));
+  std::free(std::bit_cast<void*>(address));
   return kSuccess;
 }
 Result cuMemcpyHtoD_v2(std::uint64_t to, const void* from, std::size_t bytes) {
   if (const Result result = waited(); result != kSuccess) return result;
   if (!is_allocated(to, bytes)) return kInvalidValue;
-  std::memcpy(reinterpret_cast<void*>(to), from, bytes);
+  std::memcpy(std::bit_cast<void*>(to), from, bytes);
   return kSuccess;
 }
 Result cuMemcpyDtoH_v2(void* to, std::uint64_t from, std::size_t bytes) {
   if (const Result result = waited(); result != kSuccess) return result;
   if (!is_allocated(from, bytes)) return kInvalidValue;
-  std::memcpy(to, reinterpret_cast<const void*>(from), bytes);
+  std::memcpy(to, std::bit_cast<const void*>(from), bytes);
   if (setting("wrong", 0) != 0) static_cast<char*>(to)[0] ^= 1;
   return kSuccess;
 }

@@ -185,7 +185,7 @@ TEST_P(DeviceCells, GradientsAndProductsAreThoseOfTheVectorisedKernels) {
       prepare(treatment, counts);
       const Team team(1);
       const PNorm norm{treatment.norm};
-      CellEnergy energy(problem_, *fast_, *hessian_, PNorm{}, team);
+      CellEnergy energy(problem_, *fast_, *hessian_, norm, team);
       std::vector<double> theirs(unknowns()), ours(unknowns()), again(unknowns());
       std::vector<float> direction, their_product(unknowns() + 4), our_product(unknowns());
       for (const double component : testing::random_direction(problem_, 3))
@@ -193,14 +193,15 @@ TEST_P(DeviceCells, GradientsAndProductsAreThoseOfTheVectorisedKernels) {
       std::vector<float> padded_direction = direction;
       padded_direction.resize(unknowns() + 4);
       double their_along = 0;
-      std::vector<double> weights;
+      std::vector<double> weights, curvatures;
       team.run([&] {
         energy.scan();
         for (const CellSet& set : problem_.sets)
-          for (std::int32_t cell = 0; cell < set.count; ++cell)
-            weights.push_back(
-                norm.slope(energy.scans()[static_cast<std::size_t>(set.first + cell)].energy, cell_measure(set, cell)));
-        energy.weigh(weights, 1);
+          for (std::int32_t cell = 0; cell < set.count; ++cell) {
+            const double E = energy.scans()[static_cast<std::size_t>(set.first + cell)].energy;
+            weights.push_back(norm.slope(E, cell_measure(set, cell)));
+            if (!norm.is_sum()) curvatures.push_back(norm.curvature(E, cell_measure(set, cell)));
+          }
         energy.linearise(theirs);
         their_along = energy.multiply(padded_direction, their_product);
       });
@@ -208,6 +209,7 @@ TEST_P(DeviceCells, GradientsAndProductsAreThoseOfTheVectorisedKernels) {
         set.energy_slope.assign(weights.begin() + set.first, weights.begin() + set.first + set.count);
       const auto cells = CellsOnDevice::make(*cpu_, problem_, GetParam().material.material);
       ASSERT_TRUE(cells) << cells.error().sentence;
+      ASSERT_TRUE((*cells)->weigh(curvatures));
       ASSERT_TRUE((*cells)->gradient(ours));
       ASSERT_TRUE((*cells)->linearise(again));
       EXPECT_EQ(ours, again) << "linearise() has the bits of gradient()";
