@@ -84,6 +84,7 @@ class Runs {
     if (is_full_ && left(best_.result) > 0)
       refinement_ = (refinement_ ? *refinement_ + " " : "") + full_sentence(most_cells());
     if (!refinement_) return;
+    if (best_.slid) *refinement_ += farther_sentence(best_.slid->slid.report);
     tell(*refinement_);
     if (best_.slid) best_.slid->slid.sentences.push_back(*refinement_);
   }

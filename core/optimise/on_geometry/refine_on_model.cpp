@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "core/association/association.h"
+#include "core/association/match.h"
 #include "core/association/plane/profile.h"
 #include "core/base/team.h"
 #include "core/mesh/node_parameters.h"
@@ -45,6 +46,12 @@ Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions
 std::string full_sentence(std::size_t most_cells) {
   return "Refining has ended because the mesh may have at most " + std::to_string(most_cells) +
          " elements; with a larger refine_growth it may go on.";
+}
+
+std::string farther_sentence(const SlideReport& report) {
+  if (!(report.after.largest > report.before.largest || report.after.rms > report.before.rms)) return "";
+  return " The boundary may lie farther from the model now: by at most " + detail::number_text(report.after.largest) +
+         ", and by " + detail::number_text(report.before.largest) + " before; --repair split never does this.";
 }
 
 std::string Refinement::sentence(std::size_t before, std::size_t after) const {

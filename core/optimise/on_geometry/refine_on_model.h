@@ -12,6 +12,7 @@
 #include "core/mesh/high_order_mesh.h"
 #include "core/options/geometry_options.h"
 #include "core/repair/repair_step.h"
+#include "core/slide/slide_report.h"
 
 namespace varimesh {
 namespace geometry {
@@ -33,6 +34,9 @@ struct Refinement {
 
 /// For a person, if refining ends because the mesh may not have more elements than these.
 std::string full_sentence(std::size_t most_cells);
+/// A space and a sentence for a person, if the boundary of the refined mesh lies farther from the model than that which
+/// came; else nothing.
+std::string farther_sentence(const SlideReport& report);
 
 /// Swaps edges of these elements that no split can help (core/repair/boundary/boundary_swaps.h), or if there are none,
 /// splits edges (core/repair/boundary/refine.h), and adds to `done`. Returns how many. `options.fix`, `threads` and

@@ -25,6 +25,9 @@ using Ends = std::array<std::int32_t, 2>;
 /// The worse of the new faces has at least this part of the shape of the worse of the old ones, and if these are
 /// folded, at least kFlat. The shape is the area over the sum of the squares of the sides; equal sides have 0.14.
 constexpr double kWorse = 0.2, kFlat = 0.02;
+/// The cosine of the largest angle between the normals at four vertices and their mean. It is 0 halfway around a
+/// cylinder.
+constexpr double kBehind = -0.25;
 
 Ends ends(std::int32_t a, std::int32_t b) { return {std::min(a, b), std::max(a, b)}; }
 
@@ -171,17 +174,23 @@ class Swaps {
   }
 
   /// Whether both new faces lie in the room of the old ones, and neither is much flatter, seen along the mean normal of
-  /// the surface at the four vertices.
+  /// the surface at the four vertices. No normal may point far to the other side: otherwise the faces go round a part
+  /// that is as thin as they are long, and new ones would cut through it.
   bool fits(const Swap& swap) const {
     const geometry::SurfaceShape& shape = *association_.geometry.surfaces[at(swap.surface)].shape;
     SurfaceNodes own = association_.surfaces[at(swap.surface)];
+    std::array<Eigen::Vector3d, 4> normals;
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-    for (const std::int32_t node : {swap.old_edge[0], swap.old_edge[1], swap.new_edge[0], swap.new_edge[1]}) {
-      const auto [u, v] = own.of(node);
-      const Eigen::Vector3d there = shape.normal(shape.at(u, v), u, v);
-      if (there.allFinite()) normal += there;
+    const std::array<std::int32_t, 4> vertices{swap.old_edge[0], swap.old_edge[1], swap.new_edge[0], swap.new_edge[1]};
+    for (std::size_t k = 0; k < vertices.size(); ++k) {
+      const auto [u, v] = own.of(vertices[k]);
+      normals[k] = shape.normal(shape.at(u, v), u, v);
+      if (!normals[k].allFinite()) normals[k].setZero();
+      normal += normals[k];
     }
     normal.normalize();
+    if (std::ranges::any_of(normals, [&](const Eigen::Vector3d& one) { return one.dot(normal) < kBehind; }))
+      return false;
     const auto shape_of = [&](std::int32_t p, std::int32_t q, std::int32_t r) {
       const Eigen::Vector3d to_q = x(q) - x(p), to_r = x(r) - x(p);
       return normal.dot(to_q.cross(to_r)) / 2 / (to_q.squaredNorm() + to_r.squaredNorm() + (to_q - to_r).squaredNorm());

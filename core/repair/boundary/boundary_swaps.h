@@ -24,8 +24,8 @@ namespace varimesh {
 ///
 /// An edge stays if an element of dimension 1 has it, if it lies on a periodic boundary or has held nodes, if the faces
 /// belong to different entities of the mesh, if the new edge is on the boundary already, if it would leave the four
-/// edges around both faces, or if one more cell would have two faces on the surface then. Of cells that share a face
-/// or have one neighbour, only the first is taken out.
+/// edges around both faces, if these go round more than half of a thin part, or if one more cell would have two faces
+/// on the surface then. Of cells that share a face or have one neighbour, only the first is taken out.
 ///
 /// Adds a step to `steps` for each edge. `association` is that of the mesh, before and afterwards. The result does not
 /// depend on the number of threads. Call it inside team.run().

@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 
+#include "core/curve/curve.h"
 #include "core/mesh/check.h"
 #include "core/mesh/conformity.h"
 #include "core/repair/node_key.h"
@@ -359,6 +360,42 @@ TEST_P(BoundarySwaps, DoNotDependOnTheNumberOfThreads) {
 
 INSTANTIATE_TEST_SUITE_P(Orders, BoundarySwaps, ::testing::Values(2, 3, 4),
                          [](const auto& info) { return "Order" + std::to_string(info.param); });
+
+/// Three tetrahedra in a cylinder. Two faces of the first go round more than half of its side. Without it, its other
+/// two faces would go round the axis.
+TEST(BoundarySwaps, LeaveCellsThatGoRoundAThinPart) {
+  HighOrderMesh linear;
+  linear.dimension = 3;
+  linear.order = 1;
+  const double s = std::sqrt(0.75);
+  linear.coordinates = {1, 0, 0.2, 1, 0, 0.8, -0.5, s, 0.5, -0.5, -s, 0.5, 0, 0, 0, 0, 0, 1};
+  for (std::int64_t node = 1; node <= 6; ++node) linear.node_numbers.push_back(node);
+  linear.blocks.resize(2);
+  linear.blocks[0].shape = Shape::Triangle;
+  linear.blocks[0].entity = 1;
+  linear.blocks[0].nodes = {0, 1, 2, 0, 3, 1};
+  linear.blocks[0].numbers = {1, 2};
+  linear.blocks[1].shape = Shape::Tetrahedron;
+  linear.blocks[1].entity = 1;
+  linear.blocks[1].nodes = {0, 1, 3, 2, 0, 2, 3, 4, 1, 3, 2, 5};
+  linear.blocks[1].numbers = {3, 4, 5};
+  NodeBlock nodes;
+  nodes.count = 6;
+  linear.node_blocks.push_back(nodes);
+  const Team team(1);
+  std::size_t done = 0;
+  team.run([&] {
+    auto association = associate(linear, solid_cylinder(), team);
+    ASSERT_TRUE(association) << association.error().sentence;
+    auto curved = curve(linear, std::move(*association), 3, team);
+    ASSERT_TRUE(curved) << curved.error().sentence;
+    std::vector<RepairStep> steps;
+    std::set<std::string> surfaces;
+    const std::vector<std::int64_t> wanted{3};
+    done = swap_boundary_edges(curved->mesh, curved->association, wanted, {}, steps, surfaces, team);
+  });
+  EXPECT_EQ(done, 0u);
+}
 
 }  // namespace
 }  // namespace varimesh
