@@ -69,7 +69,7 @@ void read(const Order& order, Incoming& from, Outgoing& to) {
   from.get(bytes);
   formats::FileAllowance allowance(bytes.size());
   const bool is_netcdf = std::string_view(bytes.data(), bytes.size()).starts_with("CDF");
-  const auto source = is_netcdf ? formats::open_netcdf({bytes.data(), bytes.size()}) : hdf::open_file(bytes);
+  const auto source = is_netcdf ? formats::open_netcdf({bytes.data(), bytes.size()}, allowance) : hdf::open_file(bytes);
   formats::MeshFile file = formats::read_hdf5_content(*source, allowance);
   to.value(Answer{Outcome::Done, file.format, 0});
   formats::hdf5::send_mesh(std::move(file.mesh), to);

@@ -4,8 +4,11 @@
 #include <bit>
 #include <cstring>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
+
+#include "core/base/io/allowance.h"
 
 namespace varimesh::formats {
 
@@ -79,7 +82,7 @@ class Header {
     const std::string_view all = take(static_cast<std::size_t>((size + 3) / 4 * 4));
     return all.substr(0, static_cast<std::size_t>(size));
   }
-  std::string name() { return std::string(padded(count())); }
+  std::string_view name() { return padded(count()); }
   /// The length of a list of this kind.
   std::uint64_t list(std::uint32_t kind) {
     const std::uint32_t tag = word();
@@ -105,7 +108,7 @@ struct Array {
 
 class NetcdfFile : public Hdf5Source {
  public:
-  explicit NetcdfFile(std::string_view bytes) : bytes_(bytes) {
+  NetcdfFile(std::string_view bytes, FileAllowance& allowance) : bytes_(bytes) {
     Header header(bytes);
     header.count();  // the number of time steps
     struct Dimension {
@@ -117,27 +120,32 @@ class NetcdfFile : public Hdf5Source {
       header.name();
       const std::uint64_t length = header.count();
       if (length > std::uint64_t(INT64_MAX)) fail("has a dimension that is too long");
+      allowance.make_room(dimensions, 1);
       dimensions.push_back({static_cast<std::int64_t>(length), length == 0});
     }
-    file_.attributes = attributes_from(header);
+    file_.attributes = attributes_from(header, allowance);
     for (std::uint64_t left = header.list(kVariables); left > 0; --left) {
       Array array;
-      array.item.name = header.name();
+      array.item.name = name_from(header, allowance);
       bool grows = false;
       for (std::uint64_t rank = header.count(); rank > 0; --rank) {
         const std::uint64_t id = header.count();
         if (id >= dimensions.size()) fail("has an array with a dimension that does not exist");
         grows = grows || dimensions[id].grows;
+        allowance.make_room(array.item.dims, 1);
         array.item.dims.push_back(dimensions[id].length);
       }
-      array.attributes = attributes_from(header);
+      array.attributes = attributes_from(header, allowance);
       array.type = type_of(header.word());
       header.count();  // the size, which follows from the dimensions
       array.begin = header.offset();
       array.item.kind = grows ? Kind::Other : array.type.kind;
       array.item.width = array.item.kind == Kind::Texts ? 1 : 0;
+      allowance.make_room(variables_, 1);
       variables_.push_back(std::move(array));
     }
+    allowance.take(variables_.size(), 2 * kAllocation + sizeof(std::pair<std::string_view, const Array*>));
+    for (const Array& array : variables_) by_name_.try_emplace(array.item.name, &array);
   }
 
   std::vector<Hdf5Item> list(const std::string& group, FileAllowance& allowance) override {
@@ -156,14 +164,17 @@ class NetcdfFile : public Hdf5Source {
 
   void read(const std::string& path, Kind kind, std::int64_t first, std::span<char> out, std::int64_t count) override {
     const std::size_t line = path.find('\n');
-    const Array& of = owner(path.substr(0, line));
-    const Array& array = line == std::string::npos ? of : named(of.attributes, path.substr(line + 1));
+    const Array& of = owner(std::string_view(path).substr(0, line));
+    const Array& array = line == std::string::npos ? of : attribute_of(of, std::string_view(path).substr(line + 1));
     if (array.item.kind != kind && !(array.item.kind == Kind::Integers && kind == Kind::Numbers))
       fail("has an array that is not of the kind that is needed");
     const std::size_t width = kind == Kind::Texts ? std::max<std::size_t>(1, array.item.width) : 8;
-    const std::int64_t columns = array.item.columns();
-    if (first < 0 || count < 0 || first > array.item.rows() || count > array.item.rows() - first ||
-        columns > hdf5::kMostBytes || out.size() != std::size_t(count * columns) * width)
+    const std::int64_t columns = array.item.columns(), rows = array.item.rows();
+    const bool is_within = first >= 0 && count >= 0 && first <= rows && count <= rows - first;
+    // Neither product below is larger than an integer if these hold.
+    const bool is_small = columns <= hdf5::kMostBytes && (columns == 0 || count <= hdf5::kMostBytes / columns) &&
+                          first <= INT64_MAX / std::max<std::int64_t>(1, columns);
+    if (!is_within || !is_small || out.size() != std::size_t(count * columns) * width)
       fail("has an array of another size than was said");
     // A text has so many values of one byte.
     const std::size_t values = kind == Kind::Texts ? out.size() : out.size() / width;
@@ -172,36 +183,57 @@ class NetcdfFile : public Hdf5Source {
   }
 
  private:
-  std::vector<Array> attributes_from(Header& header) {
+  /// A name, whose memory is taken from the allowance.
+  static std::string name_from(Header& header, FileAllowance& allowance) {
+    const std::string_view name = header.name();
+    allowance.take(1, name.size() + kAllocation);
+    return std::string(name);
+  }
+
+  std::vector<Array> attributes_from(Header& header, FileAllowance& allowance) {
     std::vector<Array> all;
     for (std::uint64_t left = header.list(kAttributes); left > 0; --left) {
+      const std::string_view name = header.name();
       Array array;
-      array.item.name = header.name();
       array.type = type_of(header.word());
       const std::uint64_t length = header.count();
       if (length > bytes_.size()) fail("ends within its header");
       array.begin = header.at();
       header.padded(length * array.type.bytes);
       if (length == 0) continue;
+      allowance.take(1, name.size() + sizeof array.item.dims[0] + 2 * kAllocation);
+      array.item.name = name;
       array.item.attribute = true;
       array.item.kind = array.type.kind;
       if (array.item.kind == Kind::Texts)
         array.item.width = static_cast<std::size_t>(length);
       else
         array.item.dims = {static_cast<std::int64_t>(length)};
+      allowance.make_room(all, 1);
       all.push_back(std::move(array));
     }
     return all;
   }
 
-  static const Array& named(const std::vector<Array>& arrays, std::string_view name) {
-    const auto found = std::ranges::find_if(arrays, [&](const Array& array) { return array.item.name == name; });
-    if (found == arrays.end()) fail("has no '" + std::string(name.substr(0, 100)) + "'");
+  [[noreturn]] static void fail_without(std::string_view name) {
+    fail("has no '" + std::string(name.substr(0, 100)) + "'");
+  }
+
+  /// An owner has few attributes, and they are read once.
+  static const Array& attribute_of(const Array& owner, std::string_view name) {
+    const auto found =
+        std::ranges::find_if(owner.attributes, [&](const Array& array) { return array.item.name == name; });
+    if (found == owner.attributes.end()) fail_without(name);
     return *found;
   }
 
   /// The file itself for "/", or the variable with this path.
-  const Array& owner(std::string_view path) const { return path == "/" ? file_ : named(variables_, path.substr(1)); }
+  const Array& owner(std::string_view path) const {
+    if (path == "/") return file_;
+    const auto found = by_name_.find(path.substr(1));
+    if (found == by_name_.end()) fail_without(path.substr(1));
+    return *found->second;
+  }
 
   std::string_view values_of(const Array& array, std::uint64_t first, std::size_t count) const {
     const std::uint64_t room = array.begin > bytes_.size() ? 0 : (bytes_.size() - array.begin) / array.type.bytes;
@@ -225,10 +257,13 @@ class NetcdfFile : public Hdf5Source {
   const std::string_view bytes_;
   Array file_;
   std::vector<Array> variables_;
+  std::unordered_map<std::string_view, const Array*> by_name_;  ///< The first variable with each name.
 };
 
 }  // namespace
 
-std::unique_ptr<Hdf5Source> open_netcdf(std::string_view bytes) { return std::make_unique<NetcdfFile>(bytes); }
+std::unique_ptr<Hdf5Source> open_netcdf(std::string_view bytes, FileAllowance& allowance) {
+  return std::make_unique<NetcdfFile>(bytes, allowance);
+}
 
 }  // namespace varimesh::formats

@@ -11,7 +11,8 @@
 namespace varimesh::formats {
 
 /// Opens the file that these bytes are; they must stay where they are. To readers it looks like an HDF5 file with one
-/// group. Arrays that grow with the time steps are listed as of the kind Other. Throws ReadFailure.
-std::unique_ptr<Hdf5Source> open_netcdf(std::string_view bytes);
+/// group. Arrays that grow with the time steps are listed as of the kind Other. What the header describes is taken from
+/// the allowance. Throws ReadFailure.
+std::unique_ptr<Hdf5Source> open_netcdf(std::string_view bytes, FileAllowance& allowance);
 
 }  // namespace varimesh::formats

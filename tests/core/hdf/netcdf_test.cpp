@@ -140,15 +140,82 @@ TEST(NetCdf, EveryKindIsRead) {
 TEST(NetCdf, IsRefusedWhereverItIsCutShort) {
   NEEDS_HDF5();
   const std::string whole = hexahedron(2);
-  for (std::size_t size = 0; size + 8 < whole.size(); size += 23) {
-    EXPECT_FALSE(formats::read(whole.substr(0, size))) << "cut at byte " << size;
-    EXPECT_GT(testing::why_not(whole.substr(0, size)).size(), 20U);
+  ASSERT_EQ(testing::why_not(whole), "it was read");
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    const auto file = formats::read(whole.substr(0, size));
+    ASSERT_FALSE(file) << "cut at byte " << size;
+    EXPECT_GT(file.error().sentence.size(), 20U) << "cut at byte " << size;
   }
 }
 
 TEST(NetCdf, IsReadOrRefusedWithFlippedBytes) {
   NEEDS_HDF5();
   for (const int version : {1, 5}) testing::expect_survives_flips(hexahedron(version), 150);
+}
+
+TEST(NetCdf, SizesThatOverflowAreRefused) {
+  NEEDS_HDF5();
+  const std::string whole = hexahedron(5, kInt64);
+  // CDF-5 has numbers of eight bytes. A name of at most four letters takes 12.
+  constexpr std::size_t kDimensions = 16, kFirst = 24, kEach = 20, kLength = 12;
+  const auto length_of = [](std::size_t dimension) { return kFirst + dimension * kEach + kLength; };
+  const std::size_t ranks = whole.find("coordx") + 8, array = whole.find("connect1") + 8,
+                    attribute = whole.find("elem_type") + 12, type = ranks + 8 + 8 + 12;
+  constexpr std::uint64_t kHalf = std::uint64_t{1} << 63U, kAll = ~std::uint64_t{0}, kMost = kHalf - 1;
+  const auto says = [&](std::size_t at, std::uint64_t value, const std::string& words) {
+    EXPECT_SAYS(std::string(whole).replace(at, 8, big_endian(value, 8)), words) << " at byte " << at;
+  };
+  for (const std::uint64_t size : {kHalf, kAll, kAll - 2, kMost}) {
+    says(kDimensions, size, "ends within its header");
+    says(kFirst, size, "ends within its header");
+    says(ranks, size, "has an array with a dimension that does not exist");
+    says(ranks + 8, size, "has an array with a dimension that does not exist");
+    says(attribute + 4, size, "ends within its header");
+    says(type + 4 + 8, size, "ends before the values of 'coordx'");
+  }
+  for (const std::uint64_t size : {kHalf, kAll}) says(length_of(1), size, "has a dimension that is too long");
+  // The number of nodes: coordx has so many values, and connect1 so many in a row.
+  for (const std::uint64_t nodes : {kMost, kMost / 8 + 1, kHalf / 2, kHalf / 4, std::uint64_t{1} << 40U})
+    says(length_of(1), nodes, "is damaged");
+  // Two such dimensions in an array that is read first.
+  std::string both = whole;
+  both.replace(length_of(1), 8, big_endian(kMost, 8)).replace(length_of(2), 8, big_endian(kMost, 8));
+  EXPECT_GT(testing::why_not(both).size(), 20U);
+  both.replace(array + 8, 8, big_endian(1, 8)).replace(array + 16, 8, big_endian(1, 8));
+  EXPECT_GT(testing::why_not(both).size(), 20U);
+}
+
+TEST(NetCdf, ManyAttributesMustNotTakeMoreThanTheFileMay) {
+  NEEDS_HDF5();
+  // An attribute without a name and with one integer takes 16 bytes of a file.
+  constexpr std::size_t kCount = 2'000'000;
+  std::string all = std::string("CDF\1", 4) + big_endian(0, 4) + big_endian(0, 8) + big_endian(0, 8) +
+                    big_endian(11, 4) + big_endian(1, 4);
+  all += big_endian(1, 4) + std::string("x\0\0\0", 4) + big_endian(0, 4) + big_endian(12, 4) + big_endian(kCount, 4);
+  const std::string one = big_endian(0, 4) + big_endian(kInt, 4) + big_endian(1, 4) + big_endian(7, 4);
+  for (std::size_t i = 0; i < kCount; ++i) all += one;
+  EXPECT_SAYS(all + big_endian(kInt, 4) + big_endian(4, 4) + big_endian(0, 4),
+              "takes more than 8 times the memory of the file");
+}
+
+TEST(NetCdf, ArraysOfTimeStepsAreNotRead) {
+  NEEDS_HDF5();
+  NetCdf file(1);
+  const int grows = file.dimension(0), nodes = file.dimension(3), one = file.dimension(1);
+  file.doubles("time_whole", {grows}, {0.5, 1.5});
+  file.doubles("coordx", {nodes}, {0, 1, 0});
+  file.doubles("coordy", {nodes}, {0, 0, 1});
+  file.doubles("vals_nod_var1", {grows, nodes}, {1, 2, 3, 4, 5, 6});
+  file.integers("connect1", {one, nodes}, {1, 2, 3}, kInt, "elem_type", "TRI3");
+  const auto read = formats::read(file.bytes());
+  ASSERT_TRUE(read) << read.error().sentence;
+  EXPECT_EQ(read->mesh.element_count(2), 1U);
+  NetCdf moving(1);
+  const int steps = moving.dimension(0), three = moving.dimension(3), block = moving.dimension(1);
+  moving.doubles("coordx", {steps, three}, {0, 1, 0});
+  moving.doubles("coordy", {three}, {0, 0, 1});
+  moving.integers("connect1", {block, three}, {1, 2, 3}, kInt, "elem_type", "TRI3");
+  EXPECT_SAYS(moving.bytes(), "coordx");
 }
 
 TEST(NetCdf, SaysWhatIsWrong) {
