@@ -24,7 +24,7 @@ std::string name_of(const cuda::Functions& driver, Result result) {
 }
 
 /// The fault for a result that no caller expects. By far the most of them end the context: a kernel that went wrong, a
-/// card that fell off its bus, memory with an error.
+/// card that fell off its bus, memory with an error. So all count as such.
 tl::unexpected<Fault> lost(const cuda::Functions& driver, const std::string& card, Result result,
                            const std::string& when) {
   return fault(Fault::Kind::Lost, "The device " + card + " failed " + when + ": the driver says " +
@@ -122,13 +122,16 @@ class Card final : public Device {
       if (!allowed) return allowed;
     }
     void* parameters[] = {arguments};
-    return checked(
-        [&] {
-          return driver_.launch(function, static_cast<unsigned>(launch.blocks()), 1, 1,
-                                static_cast<unsigned>(launch.block), 1, 1, static_cast<unsigned>(launch.shared_bytes),
-                                nullptr, parameters, nullptr);
-        },
-        when);
+    if (auto there = enter(); !there) return there;
+    const Result result =
+        driver_.launch(function, static_cast<unsigned>(launch.blocks()), 1, 1, static_cast<unsigned>(launch.block), 1,
+                       1, static_cast<unsigned>(launch.shared_bytes), nullptr, parameters, nullptr);
+    if (result == cuda::kTooManyResources)
+      return fault(Fault::Kind::BadKernels, "The device " + properties_.name + " cannot run the kernel " + kernel.name +
+                                                ": it takes more registers or shared memory than " +
+                                                std::to_string(launch.block) +
+                                                " threads may have. This is an error in VariMesh; please report it.");
+    return judged(result, when);
   }
 
   Possible<void> wait() override {
@@ -146,8 +149,8 @@ class Card final : public Device {
   }
 
   void free_bytes(Address address) override {
-    // Of a lost device nothing is left to free, and the driver says so.
-    if (enter()) driver_.free(address);
+    // The context of a lost device may be at its end. Then nothing is left to free, and the driver says so.
+    if (driver_.set_context(context_) == cuda::kSuccess) driver_.free(address);
   }
 
   Possible<void> copy_in(Address to, const void* from, std::size_t bytes) override {
@@ -170,8 +173,10 @@ class Card final : public Device {
     return judged(call(), when);
   }
 
+  /// @param when  what was done, for sentences: "when it ran a kernel"
   Possible<void> judged(Result result, const std::string& when) {
     if (result == cuda::kSuccess) return {};
+    if (result == cuda::kOutOfMemory) return tl::unexpected(out_of_memory("more " + when));
     auto failed = lost(driver_, properties_.name, result, when);
     lost_ = failed.value();
     return failed;
@@ -198,8 +203,9 @@ class Card final : public Device {
 Possible<Driver> Driver::open(const char* library) {
   Driver driver;
   cuda::Functions& f = driver.functions_;
-  if (const char* const missing = cuda::open_functions(library, f); missing != nullptr) {
-    if (f.init == nullptr)
+  bool is_open = false;
+  if (const char* const missing = cuda::open_functions(library, f, is_open); missing != nullptr) {
+    if (!is_open)
       return fault(Fault::Kind::NoDriver, "There is no NVIDIA driver on this machine (" + std::string(missing) + ").");
     return fault(Fault::Kind::OldDriver, "The NVIDIA driver is too old: it has no function " + std::string(missing) +
                                              ". Install driver 410 or later.");

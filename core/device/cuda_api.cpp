@@ -17,10 +17,11 @@ void** place_of(Function*& function) {
 
 }  // namespace
 
-const char* open_functions(const char* library, Functions& f) {
+const char* open_functions(const char* library, Functions& f, bool& is_open) {
   // The library stays open: it has threads of its own and does not expect to be closed.
   void* handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
-  if (handle == nullptr) return dlerror();
+  is_open = handle != nullptr;
+  if (!is_open) return dlerror();
   const Symbol symbols[] = {
       {"cuInit", place_of(f.init)},
       {"cuDriverGetVersion", place_of(f.driver_version)},

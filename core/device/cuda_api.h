@@ -28,6 +28,7 @@ enum : Result {
   kNoBinaryForDevice = 209,
   kInvalidPtx = 218,
   kUnsupportedPtxVersion = 222,
+  kTooManyResources = 701,  ///< A launch takes more registers or shared memory than a block may have.
   kSystemDriverMismatch = 803,
 };
 
@@ -76,6 +77,7 @@ struct Functions {
 /// (dlerror's text) or a function.
 ///
 /// @param library  a file name, or a path
-const char* open_functions(const char* library, Functions& functions);
+/// @param is_open  receives whether there is such a library
+const char* open_functions(const char* library, Functions& functions, bool& is_open);
 
 }  // namespace varimesh::device::cuda

@@ -118,13 +118,15 @@ class Buffer {
     return device_ == nullptr ? nullptr : std::bit_cast<T*>(address_);
   }
 
-  /// `numbers` must fit.
+  /// `numbers` must fit. If there are none, nothing happens, and a buffer without memory will do.
   template <class T>
   Possible<void> upload(std::span<const T> numbers) {
+    if (numbers.empty()) return {};
     return device_->copy_in(address_, numbers.data(), checked(numbers.size_bytes()));
   }
   template <class T>
   Possible<void> download(std::span<T> numbers) const {
+    if (numbers.empty()) return {};
     return device_->copy_out(numbers.data(), address_, checked(numbers.size_bytes()));
   }
 
@@ -139,7 +141,7 @@ class Buffer {
 template <class T>
 Possible<Buffer> Device::allocate_with(std::span<const T> numbers) {
   auto buffer = allocate(numbers.size_bytes());
-  if (buffer && !numbers.empty())
+  if (buffer)
     if (const auto copied = buffer->upload(numbers); !copied) return tl::unexpected(copied.error());
   return buffer;
 }

@@ -13,9 +13,10 @@ struct Fault {
     NoDriver,     ///< There is no driver, or it finds no device.
     OldDriver,    ///< The driver or the device is too old for the kernels.
     Busy,         ///< Another process has the device for itself.
-    OutOfMemory,  ///< The device has less free memory than was asked for. Everything that was allocated stays.
+    OutOfMemory,  ///< The device has less free memory than was asked for, or than a kernel takes. Everything that was
+                  ///< allocated stays.
     NoKernels,    ///< There are no kernels for this work, or none in this build.
-    BadKernels,   ///< The driver did not accept the kernels.
+    BadKernels,   ///< The driver did not accept the kernels, or the launch of one.
     Lost,         ///< The device failed. What was in its memory is gone, and every later call fails in the same way.
   };
   Kind kind = Kind::Lost;

@@ -115,6 +115,7 @@ Possible<void> check_kernels(Device& device) {
     for (CellSet& set : problem.sets) set.delta_squared.assign(static_cast<std::size_t>(set.count), 0.01);
     const auto theirs = results(*cpu, problem, material), ours = results(device, problem, material);
     if (!ours) return tl::unexpected(ours.error());
+    if (!theirs) return tl::unexpected(theirs.error());
     if (*ours != *theirs)
       return fault(Fault::Kind::BadKernels,
                    "The device " + device.properties().name +

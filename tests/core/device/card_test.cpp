@@ -121,6 +121,8 @@ TEST_F(ACard, NeedsADriverThatIsNotTooOld) {
       "later.");
   expect(Driver::open(OLDER_DRIVER).error(), Kind::OldDriver,
          "The NVIDIA driver is too old: it has no function cuDriverGetVersion. Install driver 410 or later.");
+  expect(Driver::open("libm.so.6").error(), Kind::OldDriver,
+         "The NVIDIA driver is too old: it has no function cuInit. Install driver 410 or later.");
 }
 
 TEST_F(ACard, MustNotBeTooOld) {
@@ -200,6 +202,41 @@ TEST_F(ACard, StaysLostOnceItIs) {
   }
 }
 
+TEST_F(ACard, IsNotLostIfALaunchIsRefused) {
+  const auto device = card("memory=3145728");
+  ASSERT_TRUE(device);
+  const auto module = (*device)->load(image());
+  ASSERT_TRUE(module);
+  {
+    const auto kept = (*device)->allocate(1 << 20);
+    ASSERT_TRUE(kept);
+    setenv("FAKE_CUDA", "memory=3145728 launch=2", 1);
+    const auto kernel = (*module)->kernel("doubling");
+    ASSERT_TRUE(kernel);
+    testing::Doubling nothing{nullptr, nullptr, 0};
+    expect((*device)->launch(*kernel, {1, 32, 0}, &nothing).error(), Kind::OutOfMemory,
+           "The device Fake Card 1 has no room for more when it ran the kernel doubling: 2 MiB of 3 MiB are free. End "
+           "what else uses it.");
+    setenv("FAKE_CUDA", "memory=3145728 launch=701", 1);
+    expect((*device)->launch(*kernel, {1, 32, 0}, &nothing).error(), Kind::BadKernels,
+           "The device Fake Card 1 cannot run the kernel doubling: it takes more registers or shared memory than 32 "
+           "threads may have. This is an error in VariMesh; please report it.");
+  }
+  EXPECT_EQ(held()[0], 0U) << "memory is given back";
+  setenv("FAKE_CUDA", "", 1);
+  EXPECT_TRUE(testing::doubled(**device, **module, 100)) << "the device still works";
+}
+
+TEST_F(ACard, TakesNoNumbersWithoutMemory) {
+  const auto device = card();
+  ASSERT_TRUE(device);
+  auto empty = (*device)->allocate(0);
+  ASSERT_TRUE(empty);
+  std::vector<double> none;
+  EXPECT_TRUE(empty->upload<double>(none));
+  EXPECT_TRUE(empty->download<double>(none));
+}
+
 TEST_F(ACard, HasTheSharedMemoryThatAKernelNeeds) {
   const auto device = card("shared=65536");
   ASSERT_TRUE(device);
@@ -224,6 +261,8 @@ TEST_F(ACard, IsLostIfAnAccessIsWrong) {
   Buffer past(**device, reinterpret_cast<Device::Address>(buffer->as<char>() + 4), 8);
   const std::vector<double> one{1};
   EXPECT_EQ(past.upload<double>(one).error().kind, Kind::Lost);
+  buffer = Buffer();
+  EXPECT_EQ(held()[0], 0U) << "what the driver still frees is freed";
 }
 
 }  // namespace

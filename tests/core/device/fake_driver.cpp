@@ -11,6 +11,7 @@
 //   busy               another process has the card for itself
 //   memory=4096        bytes of memory
 //   load=218           loading a module ends with this result
+//   launch=701         launches end with this result, and nothing else happens
 //   lost=3             the third launch breaks the card: every later call ends with 719
 //   lost_at_wait=3     the third launch breaks the card, and the next call that waits is the first to say so
 //   shared=49152       bytes of shared memory per block
@@ -243,6 +244,7 @@ Result cuLaunchKernel(const void* function, unsigned blocks, unsigned, unsigned,
                       unsigned shared, void*, void** arguments, void**) {
   if (const Result result = ready(); result != kSuccess) return result;
   if (shared > setting("shared", 232448) || blocks == 0) return kInvalidValue;
+  if (const auto result = static_cast<Result>(setting("launch", kSuccess)); result != kSuccess) return result;
   ++card.launches;
   if (card.launches >= setting("lost", 1L << 30)) card.lost = true;
   if (card.launches >= setting("lost_at_wait", 1L << 30)) card.lost_silently = true;
