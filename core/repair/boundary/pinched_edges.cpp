@@ -133,18 +133,37 @@ std::map<SplitPlace, PinchedEdge> pinched_edges(const HighOrderMesh& mesh, const
   return result;
 }
 
-void part_nodes(HighOrderMesh& mesh, const SplitPlace& place, const PinchedEdge& edge) {
-  const auto first = static_cast<std::int32_t>(mesh.node_count());
+void part_nodes(HighOrderMesh& mesh, std::span<const SplitPlace> places,
+                const std::map<SplitPlace, PinchedEdge>& pinched) {
   const bool classified = is_classified(mesh);
+  std::vector<NodeWeights> weights;  // by block; empty for elements that no side has
+  std::map<SplitPlace, std::vector<std::array<std::size_t, 2>>> around;  // by block and index in the block
+  for (const SplitPlace& place : places)
+    if (pinched.contains(place)) around.try_emplace(place);
+  if (around.empty()) return;
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const ElementBlock& block = mesh.blocks[b];
+    const bool is_simplex = block.shape == Shape::Triangle || block.shape == Shape::Tetrahedron;
+    weights.push_back(is_simplex ? node_weights(block.shape, block.order) : NodeWeights());
+    for (std::size_t e = 0; is_simplex && e < block.size(); ++e) {
+      const VertexNodes vertices = vertex_nodes(block.shape, &block.nodes[e * weights[b].size()]);
+      for (std::size_t v = 0; v < 4; ++v)
+        for (std::size_t w = 0; w < v && vertices[v] >= 0; ++w)
+          if (const auto found = around.find(edge_place(vertices[v], vertices[w])); found != around.end())
+            found->second.push_back({b, e});
+    }
+  }
   std::int64_t last = *std::ranges::max_element(mesh.node_numbers);
-  std::map<std::int32_t, std::int32_t> copy_of;
-  for (ElementBlock& block : mesh.blocks) {
-    if (block.shape != Shape::Triangle && block.shape != Shape::Tetrahedron) continue;
-    const NodeWeights weights = node_weights(block.shape, block.order);
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      std::int32_t* nodes = &block.nodes[e * weights.size()];
+  for (const SplitPlace& place : places) {
+    const auto elements = around.find(place);
+    if (elements == around.end()) continue;
+    const PinchedEdge::Side& side = pinched.at(place).sides[1];
+    const auto first = static_cast<std::int32_t>(mesh.node_count());
+    std::map<std::int32_t, std::int32_t> copy_of;
+    for (const auto& [b, e] : elements->second) {
+      std::int32_t* nodes = &mesh.blocks[b].nodes[e * weights[b].size()];
       for (const std::size_t n :
-           nodes_between(vertex_nodes(block.shape, nodes), weights, place, edge.sides[1].beside)) {
+           nodes_between(vertex_nodes(mesh.blocks[b].shape, nodes), weights[b], place, side.beside)) {
         const auto [copy, is_new] = copy_of.try_emplace(nodes[n], first + static_cast<std::int32_t>(copy_of.size()));
         if (is_new) {
           for (std::size_t c = 0; c < 3; ++c) mesh.coordinates.push_back(mesh.coordinates[3 * at(nodes[n]) + c]);
@@ -153,10 +172,10 @@ void part_nodes(HighOrderMesh& mesh, const SplitPlace& place, const PinchedEdge&
         nodes[n] = copy->second;
       }
     }
+    const auto count = static_cast<std::int32_t>(copy_of.size());
+    mesh.node_blocks.push_back(classified ? NodeBlock{2, side.entity, first, count, {}}
+                                          : NodeBlock{-1, 0, first, count, {}});
   }
-  const auto count = static_cast<std::int32_t>(copy_of.size());
-  mesh.node_blocks.push_back(classified ? NodeBlock{2, edge.sides[1].entity, first, count, {}}
-                                        : NodeBlock{-1, 0, first, count, {}});
 }
 
 }  // namespace varimesh

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <vector>
 
 #include "core/association/association.h"
@@ -35,8 +36,10 @@ std::map<SplitPlace, PinchedEdge> pinched_edges(const HighOrderMesh& mesh, const
                                                 const detail::MeshParts& parts, const Cells& cells,
                                                 const SplitRules& rules);
 
-/// Gives the elements on the second side nodes of their own between the ends of the edge, in the same places, so that
-/// the sides have only the ends in common. They come last in the mesh.
-void part_nodes(HighOrderMesh& mesh, const SplitPlace& place, const PinchedEdge& edge);
+/// At each of the places that is pinched, gives the elements on the second side nodes of their own between the ends of
+/// the edge, where the first side's are, so that the sides have only the ends in common. They come last in the mesh.
+/// Goes through the elements once, however many edges there are.
+void part_nodes(HighOrderMesh& mesh, std::span<const SplitPlace> places,
+                const std::map<SplitPlace, PinchedEdge>& pinched);
 
 }  // namespace varimesh

@@ -206,7 +206,8 @@ class Edges {
 
 /// Edges to split.
 struct Places {
-  std::vector<SplitPlace> places;
+  std::size_t edges = 0;
+  std::vector<SplitPlace> places;                 ///< A pinched edge comes once for each of its sides.
   std::vector<std::vector<std::int32_t>> beside;  ///< As split() takes it.
 };
 
@@ -214,6 +215,8 @@ struct Places {
 Places by_sides(HighOrderMesh& mesh, std::span<const SplitPlace> places,
                 const std::map<SplitPlace, PinchedEdge>& pinched) {
   Places result;
+  result.edges = places.size();
+  part_nodes(mesh, places, pinched);
   for (const SplitPlace& place : places) {
     const auto found = pinched.find(place);
     if (found == pinched.end()) {
@@ -221,7 +224,6 @@ Places by_sides(HighOrderMesh& mesh, std::span<const SplitPlace> places,
       result.beside.emplace_back();
       continue;
     }
-    part_nodes(mesh, place, found->second);
     for (const PinchedEdge::Side& side : found->second.sides) {
       result.places.push_back(place);
       result.beside.push_back(side.beside);
@@ -279,7 +281,7 @@ RefineReport refine(HighOrderMesh& mesh, Association& association, const RefineR
                     std::vector<RepairStep>& steps, const Team& team) {
   RefineReport report;
   const std::size_t had = mesh.node_count(), done = steps.size();
-  const auto [places, beside] = edges_to_split(mesh, association, request, report.is_full);
+  const auto [edges, places, beside] = edges_to_split(mesh, association, request, report.is_full);
   if (places.empty()) return report;
   SplitParents parents;
   mesh = split(mesh, places, steps, &parents, beside);
@@ -293,7 +295,7 @@ RefineReport refine(HighOrderMesh& mesh, Association& association, const RefineR
   for (std::size_t i = 0; i < places.size(); ++i)
     vertices.push_back({index.at(steps[done + i].node), {places[i][0], places[i][1]}});
   place_refined(mesh, association, std::move(surface_of_element), vertices, team);
-  report.edges = places.size();
+  report.edges = edges;
   report.surfaces = surfaces_around(mesh, association, vertices);
   return report;
 }
