@@ -70,6 +70,9 @@ std::string said(const std::filesystem::path& log, const Names& names) {
 /// What the script says of a model that has only curves and points.
 constexpr std::string_view kNoFaces = "has neither bodies nor faces";
 
+/// What the script says before it writes the pieces of the bodies.
+constexpr std::string_view kCut = "The bodies of the model were cut where they touch";
+
 /// What to do after gmsh has failed, by what it printed.
 std::string_view advice(std::string_view printed) {
   struct Advice {
@@ -137,8 +140,8 @@ bool write_script(const Names& names, bool joins_bodies) {
   if (joins_bodies)
     file << "sides() = {};\nIf (#bodies() > 0)\n  sides() = Abs(Boundary{ Volume{:}; });\nEndIf\n"
             "faces() -= sides();\nIf (#bodies() + #faces() > 1)\n  If (#faces() == 0)\n    Coherence;\n  Else\n"
-            "    BooleanFragments{ Volume{:}; Delete; }{ Surface{:}; Delete; }\n  EndIf\n  Save \""
-         << names.pieces.filename().string() << "\";\nEndIf\n";
+            "    BooleanFragments{ Volume{:}; Delete; }{ Surface{:}; Delete; }\n  EndIf\n  Printf(\""
+         << kCut << "\");\n  Save \"" << names.pieces.filename().string() << "\";\nEndIf\n";
   return file.flush().good();
 }
 
@@ -192,7 +195,14 @@ Expected<std::string> mesh_with_gmsh(const GmshOptions& options, const std::file
     return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + reason(log, names));
   std::filesystem::rename(made, mesh, failed);
   if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + reason(log, names));
-  return std::filesystem::is_regular_file(names.pieces, failed) ? names.pieces.string() : options.model;
+  if (std::filesystem::is_regular_file(names.pieces, failed)) return names.pieces.string();
+  if (std::ranges::none_of(lines_of(log), [](const auto& line) { return line.find(kCut) != line.npos; }))
+    return options.model;
+  std::filesystem::remove(mesh, failed);
+  return tl::unexpected<Error>(
+      {Error::Kind::Output, gmsh + " has cut the bodies of '" + options.model +
+                                "' where they touch, but could not write the pieces in '" + folder.string() +
+                                "'; make room, or take '--bodies separate'." + said(log, names)});
 }
 
 }  // namespace varimesh::client

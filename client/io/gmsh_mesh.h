@@ -24,12 +24,11 @@ struct GmshOptions {
 /// Meshes the model with tetrahedra, or with triangles if it has no body but faces, of order 1, in the unit of length
 /// in which OpenCASCADE reads it. gmsh runs as a process of its own. Nothing is left at `mesh` after an error. Errors:
 /// BadOption if gmsh is not in PATH or cannot be started; BadInput, with the first errors that it printed, if it fails
-/// or takes too long; an empty sentence if this command was interrupted.
+/// or takes too long; an empty sentence if this command was interrupted; Output if the folder takes no more files.
 /// @param folder for the files that gmsh writes
 /// @param mesh   where the mesh goes, as MSH 4.1
-/// @return the model to which the mesh belongs: if gmsh has cut bodies, a BREP file of the pieces in the folder; else
-/// that
-///         of the options
+/// @return the model to which the mesh belongs: a BREP file of the pieces in the folder if gmsh has cut bodies, the
+///         file of the options otherwise
 Expected<std::string> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,
                                      const std::filesystem::path& mesh);
 

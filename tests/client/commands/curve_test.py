@@ -248,6 +248,21 @@ class Curve(WithFolder):
             self.assertIn("It printed: Error: no such luck\n", done.stderr)
             self.assertFalse(self.out.exists())
 
+    def test_pieces_that_gmsh_cannot_write_are_missed(self):
+        model = self.folder / "boxes.step"
+        make("occ.addBox(0, 0, 0, 1, 1, 1); occ.addBox(1, 0, 0, 1, 1, 1)", model)
+        found = shutil.which("gmsh")
+        # gmsh itself meshes the pieces, and whatever it has written of them is gone.
+        env = self.fake_gmsh(f'{found} "$@"\nend=$?\nrm "$(dirname "$1")/pieces.brep" || exit 9\nexit $end\n')
+        done = run("mesh", model, "--size", 0.7, "--order", 2, "-o", self.out, env=env)
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn("could not write the pieces", done.stderr)
+        self.assertFalse(self.out.exists())
+        make(BODIES["sphere"][0], model)  # there is nothing to cut
+        env = self.fake_gmsh(f'exec {found} "$@"\n')
+        done = run("mesh", model, "--size", 0.7, "--order", 2, "-o", self.out, env=env)
+        self.assertEqual(done.returncode, 0, done.stderr)
+
     def test_the_first_errors_of_gmsh_are_shown_and_not_its_footer(self):
         model = self.folder / "sphere.step"
         make(BODIES["sphere"][0], model)
