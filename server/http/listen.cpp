@@ -67,6 +67,16 @@ Expected<std::string> numeric_address(const std::string& address, const std::str
   return (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
 }
 
+/// `address`: empty if only what encrypts was to get a port.
+tl::unexpected<Error> cannot_listen(const std::string& address, const std::string& flag, const std::string& threads) {
+  const std::string inside = "Cannot begin to listen for --https: the system refuses a port of 127.0.0.1 or " +
+                             threads + " threads, which it needs; raise the limits (ulimit -u, ulimit -n).";
+  const std::string taken = "Cannot listen on " + address + " for " + flag +
+                            ": the address is taken, or it is not an address of this machine; choose another (port 0 "
+                            "is any free port).";
+  return tl::unexpected(Error{Error::Kind::Output, address.empty() ? inside : taken});
+}
+
 }  // namespace
 
 void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more,
@@ -120,10 +130,7 @@ Expected<void> HttpServer::listen(const std::string& address, const std::string&
   std::array<mg_server_port, 2> ports{};
   const int wanted = (address.empty() ? 0 : 1) + (inside.empty() ? 0 : 1);
   if (context_ == nullptr || mg_get_server_ports(context_, static_cast<int>(ports.size()), ports.data()) != wanted)
-    return tl::unexpected(Error{Error::Kind::Output,
-                                "Cannot listen on " + address + " for " + flag +
-                                    ": the address is taken, or it is not an address of this machine; choose another "
-                                    "(port 0 is any free port)."});
+    return cannot_listen(address, flag, count);
   if (!inside.empty()) port_behind_ = ports[static_cast<std::size_t>(wanted - 1)].port;
   if (!address.empty()) address_ = address.substr(0, address.rfind(':')) + ":" + std::to_string(ports[0].port);
   return {};

@@ -51,10 +51,9 @@ enum class Behind { Nothing, Tls };
 class HttpServer {
  public:
   /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Empty: only what encrypts has a
-  /// port. Calls `handle` for each request,
-  /// which must answer it; `user` is what mg_get_request_info() gives as its user data. `flag`: who asked for the
-  /// address, for the messages. `threads`: how many requests are answered at a time. Errors: BadOption if the address
-  /// has no port, Output if it is taken.
+  /// port. Calls `handle` for each request, which must answer it; `user` is what mg_get_request_info() gives as its
+  /// user data. `flag`: who asked for the address, for the messages. `threads`: how many requests are answered at a
+  /// time. Errors: BadOption if the address has no port, Output if it is taken or the system refuses a port or threads.
   Expected<void> listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*), void* user,
                         int threads = kHttpThreads, Behind behind = Behind::Nothing);
   HttpServer() = default;

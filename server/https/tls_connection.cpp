@@ -1,4 +1,5 @@
-// OpenSSL on sockets that do not block (SSL_get_error(3)).
+// OpenSSL on sockets that do not block. One thread serves many connections, and OpenSSL keeps errors by thread, so what
+// another connection has left is cleared before each call (SSL_get_error(3)).
 #include "server/https/tls_connection.h"
 
 #include <openssl/err.h>
@@ -51,8 +52,10 @@ bool TlsConnection::is_waiting(int result) {
 TlsConnection::Next TlsConnection::step() {
   if (is_broken_) return Next::End;
   if (has_answered_) return say_goodbye();
-  if (SSL_is_init_finished(ssl_.get()) == 0)
+  if (SSL_is_init_finished(ssl_.get()) == 0) {
+    ERR_clear_error();
     if (const int done = SSL_do_handshake(ssl_.get()); done != 1) return is_waiting(done) ? Next::Wait : Next::End;
+  }
   for (int move = 0; move < kMostMoves; ++move) {
     // Every call must be made, and none may be left before it can do no more: sockets tell of changes only.
     bool moved = read_client();
@@ -61,8 +64,7 @@ TlsConnection::Next TlsConnection::step() {
     moved = write_client() || moved;
     if (is_broken_) return Next::End;
     if (plain_sends_no_more_ && back_.empty()) {
-      SSL_shutdown(ssl_.get());
-      ERR_clear_error();
+      if (!send_end()) return Next::Wait;
       ::shutdown(socket_, SHUT_WR);
       has_answered_ = true;
       moved_ = Clock::now();
@@ -73,6 +75,14 @@ TlsConnection::Next TlsConnection::step() {
   return Next::Again;
 }
 
+bool TlsConnection::send_end() {
+  ERR_clear_error();
+  const int result = SSL_shutdown(ssl_.get());
+  is_ending_ = result < 0 && SSL_get_error(ssl_.get(), result) == SSL_ERROR_WANT_WRITE;
+  ERR_clear_error();
+  return !is_ending_;
+}
+
 bool TlsConnection::read_client() {
   if (client_sends_no_more_ || plain_takes_no_more_ || !there_.empty()) return false;
   bool moved = false;
@@ -80,6 +90,7 @@ bool TlsConnection::read_client() {
     std::size_t count = 0;
     char* const room = there_.room(&count);
     if (count == 0) break;
+    ERR_clear_error();
     const int got = SSL_read(ssl_.get(), room, static_cast<int>(count));
     if (got > 0) {
       there_.add(static_cast<std::size_t>(got));
@@ -131,6 +142,7 @@ bool TlsConnection::write_client() {
   bool moved = false;
   while (!back_.empty()) {
     const std::string_view bytes = back_.waiting();
+    ERR_clear_error();
     const int sent = SSL_write(ssl_.get(), bytes.data(), static_cast<int>(bytes.size()));
     if (sent <= 0) {
       is_broken_ = !is_waiting(sent);
@@ -157,7 +169,7 @@ TlsConnection::Next TlsConnection::say_goodbye() {
 bool TlsConnection::is_late(Clock::time_point now) const {
   if (has_answered_) return now - moved_ > kGoodbye;
   if (plain_ < 0) return now - begun_ > kGreeting;
-  return !back_.empty() && now - moved_ > kStalled;
+  return (is_ending_ || !back_.empty()) && now - moved_ > kStalled;
 }
 
 }  // namespace varimesh::server

@@ -69,6 +69,8 @@ class TlsConnection {
   bool write_client();
   /// Whether OpenSSL waits for the client after a call that returned this. Otherwise the connection is at its end.
   bool is_waiting(int result);
+  /// Tells the client that no more bytes come. Returns whether that was sent, or cannot be.
+  bool send_end();
   Next say_goodbye();
 
   const int socket_;
@@ -78,6 +80,7 @@ class TlsConnection {
   Bytes there_, back_;
   bool client_sends_no_more_ = false, plain_takes_no_more_ = false, plain_sends_no_more_ = false;
   bool is_broken_ = false;     ///< The client is gone.
+  bool is_ending_ = false;     ///< The client still has to take that no more bytes come.
   bool has_answered_ = false;  ///< The whole answer was sent; only the client's end of the connection is awaited.
   std::size_t unwanted_ = 0;   ///< Bytes that have come since then.
   const Clock::time_point begun_ = Clock::now();

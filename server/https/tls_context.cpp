@@ -34,11 +34,20 @@ bool ask_clients(SSL_CTX& context, const std::string& authority) {
   return SSL_CTX_load_verify_locations(&context, authority.c_str(), nullptr) == 1;
 }
 
+/// The file that this flag names cannot be used. The file itself may be a copy without a name.
+tl::unexpected<Error> unusable_file(const char* flag) {
+  const char* const words = ERR_reason_error_string(ERR_peek_last_error());
+  ERR_clear_error();
+  return bad_option(std::string("The file of ") + flag +
+                    " cannot be used for --https: " + (words == nullptr ? "OpenSSL does not say why" : words) + ".");
+}
+
 }  // namespace
 
-TlsContext tls_context(const TlsFiles& files) {
+Expected<TlsContext> tls_context(const TlsFiles& files) {
+  ERR_clear_error();
   const TlsContext context(SSL_CTX_new(TLS_server_method()), SSL_CTX_free);
-  if (context == nullptr) return nullptr;
+  if (context == nullptr) return unusable_file("--tls-certificate");
   SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
   SSL_CTX_set_options(context.get(), SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION);
   SSL_CTX_set_mode(context.get(),
@@ -47,12 +56,14 @@ TlsContext tls_context(const TlsFiles& files) {
   SSL_CTX_set_alpn_select_cb(context.get(), choose_protocol, nullptr);
   constexpr unsigned char kSessions[] = "varimesh https";
   SSL_CTX_set_session_id_context(context.get(), kSessions, sizeof kSessions - 1);
-  const bool is_good = SSL_CTX_use_certificate_chain_file(context.get(), files.certificate.c_str()) == 1 &&
-                       SSL_CTX_use_PrivateKey_file(context.get(), files.key.c_str(), SSL_FILETYPE_PEM) == 1 &&
-                       SSL_CTX_check_private_key(context.get()) == 1 &&
-                       (!files.are_mutual() || ask_clients(*context, files.authority));
+  if (SSL_CTX_use_certificate_chain_file(context.get(), files.certificate.c_str()) != 1)
+    return unusable_file("--tls-certificate");
+  if (SSL_CTX_use_PrivateKey_file(context.get(), files.key.c_str(), SSL_FILETYPE_PEM) != 1 ||
+      SSL_CTX_check_private_key(context.get()) != 1)
+    return unusable_file("--tls-key");
+  if (files.are_mutual() && !ask_clients(*context, files.authority)) return unusable_file("--tls-authority");
   ERR_clear_error();
-  return is_good ? context : nullptr;
+  return context;
 }
 
 bool is_named(SSL_CTX& context, const std::string& host) {
@@ -72,6 +83,7 @@ std::string name_of_client(const SSL& connection) {
   if (at < 0) return {};
   unsigned char* text = nullptr;
   const int size = ASN1_STRING_to_UTF8(&text, X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, at)));
+  ERR_clear_error();  // what follows on this thread must not take the error for its own
   if (size < 0) return {};
   std::string name(reinterpret_cast<const char*>(text), static_cast<std::size_t>(size));
   OPENSSL_free(text);

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "core/base/error.h"
 #include "server/tls/tls.h"
 
 namespace varimesh::server {
@@ -14,8 +15,9 @@ namespace varimesh::server {
 using TlsContext = std::shared_ptr<SSL_CTX>;
 
 /// Reads the files, whose certificates clients must have if there is an authority. TLS 1.2 is the least, and a session
-/// that goes on was begun with the same files. Null: the files cannot be used.
-TlsContext tls_context(const TlsFiles& files);
+/// that goes on was begun with the same files. Errors: BadOption, with the flag of the file that cannot be used, and
+/// the reason.
+Expected<TlsContext> tls_context(const TlsFiles& files);
 
 /// Whether the server's certificate is for this host, which is a name or an address of IP ("[::1]").
 bool is_named(SSL_CTX& context, const std::string& host);

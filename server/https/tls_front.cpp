@@ -5,6 +5,7 @@
 #include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <spdlog/spdlog.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
@@ -13,6 +14,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -79,8 +81,9 @@ TlsFront::TlsFront(TlsFiles files, int port_behind)
 Expected<std::unique_ptr<TlsFront>> TlsFront::start(const std::string& address, const TlsFiles& files,
                                                     int port_behind) {
   std::unique_ptr<TlsFront> front(new TlsFront(files, port_behind));
-  front->context_ = tls_context(files);
-  if (front->context_ == nullptr) return bad_option("The files of --tls-certificate and --tls-key cannot be used.");
+  auto context = tls_context(files);
+  if (!context) return tl::unexpected(context.error());
+  front->context_ = std::move(*context);
   auto listener = TcpListener::open(address);
   if (!listener) return tl::unexpected(listener.error());
   front->listener_ = std::move(*listener);
@@ -138,6 +141,10 @@ void TlsFront::take(int socket, const std::string& peer) {
     return;
   }
   const std::scoped_lock lock(mutex_);
+  if (stopping_) {
+    ::close(socket);
+    return;
+  }
   const std::uint64_t id = next_id_++;
   client.connection = std::make_unique<TlsConnection>(
       socket, context_,
@@ -184,7 +191,7 @@ void TlsFront::run() {
   while (!stopping_) {
     const int count =
         ::epoll_wait(events_, changes.data(), static_cast<int>(changes.size()), busy_.empty() ? kBetweenLooks : 0);
-    if (count < 0 && errno != EINTR) return;
+    if (count < 0 && errno != EINTR) return fail(std::strerror(errno));
     std::set<std::uint64_t> turns = std::exchange(busy_, {});
     for (int i = 0; i < count; ++i) turns.insert(changes[static_cast<std::size_t>(i)].data.u64);
     for (const std::uint64_t id : turns) step(id);
@@ -198,6 +205,14 @@ void TlsFront::run() {
       read_files();
     }
   }
+}
+
+void TlsFront::fail(const char* reason) {
+  spdlog::critical("the port of --https, {}, serves nobody any more: {}; start the server again", address_, reason);
+  const std::scoped_lock lock(mutex_);
+  stopping_ = true;
+  callers_.clear();
+  clients_.clear();
 }
 
 void TlsFront::step(std::uint64_t id) {
@@ -242,10 +257,10 @@ void TlsFront::read_files() {
   std::string bytes = bytes_of(files_);
   if (bytes == bytes_) return;
   // They may be in the middle of a change; then they are read again.
-  TlsContext made = tls_context(files_);
-  if (made == nullptr) return;
+  Expected<TlsContext> made = tls_context(files_);
+  if (!made) return;
   const std::scoped_lock lock(mutex_);
-  context_ = std::move(made);
+  context_ = std::move(*made);
   bytes_ = std::move(bytes);
 }
 

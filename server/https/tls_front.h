@@ -32,7 +32,7 @@ class TlsFront {
   };
 
   /// Listens on HOST:PORT. `files` must be good whenever they are read (last_good_files.h): every two seconds, so new
-  /// connections see new certificates. Errors: BadOption if they cannot be used; Output if the address is taken.
+  /// connections see new certificates. Errors: BadOption if one cannot be used; Output if the address is taken.
   static Expected<std::unique_ptr<TlsFront>> start(const std::string& address, const TlsFiles& files, int port_behind);
   /// Calls stop().
   ~TlsFront();
@@ -57,6 +57,8 @@ class TlsFront {
 
   TlsFront(TlsFiles files, int port_behind);
   void run();
+  /// Says in the log that the thread cannot go on, ends all connections and accepts no more.
+  void fail(const char* reason);
   /// Takes a connection that was accepted, if there are places. `peer`: who its place is counted for.
   void take(int socket, const std::string& peer);
   /// Makes the plain connection of a client. Returns its socket; negative: that failed.
