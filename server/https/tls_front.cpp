@@ -155,7 +155,13 @@ void TlsFront::take(int socket, const std::string& peer) {
   if (::epoll_ctl(events_, EPOLL_CTL_ADD, socket, &changes) != 0) clients_.erase(id);
 }
 
+bool TlsFront::has_room_inside() const {
+  const std::scoped_lock lock(mutex_);
+  return static_cast<long>(callers_.size()) < Admission::most_inside(Admission::descriptor_limit());
+}
+
 int TlsFront::open(std::uint64_t id, const std::string& address, const std::string& certificate) {
+  if (!has_room_inside()) return -1;
   const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (socket < 0) return -1;
   set(socket, IPPROTO_TCP, TCP_NODELAY, 1);

@@ -61,6 +61,8 @@ class TlsFront {
   void fail(const char* reason);
   /// Takes a connection that was accepted, if there are places. `peer`: who its place is counted for.
   void take(int socket, const std::string& peer);
+  /// Whether there are descriptors for one more plain connection.
+  bool has_room_inside() const;
   /// Makes the plain connection of a client. Returns its socket; negative: that failed.
   int open(std::uint64_t id, const std::string& address, const std::string& certificate);
   void step(std::uint64_t id);

@@ -38,11 +38,6 @@ std::uint64_t socket_of(int descriptor) {
   return ::fstat(descriptor, &status) == 0 ? status.st_ino : 0;
 }
 
-long descriptor_limit() {
-  rlimit limit{};
-  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? static_cast<long>(limit.rlim_cur) : 1024;
-}
-
 /// The address without its port. Of IPv6 only the network of 64 bits, since a peer has a whole one; IPv4 in IPv6 is
 /// IPv4.
 std::string text_of(const sockaddr_storage& peer) {
@@ -148,6 +143,11 @@ bool Admission::admits(int descriptor, const std::string& address, long limit) {
   return true;
 }
 
+long Admission::descriptor_limit() {
+  rlimit limit{};
+  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? static_cast<long>(limit.rlim_cur) : 1024;
+}
+
 void Admission::forget(int descriptor) {
   const auto held = held_.find(descriptor);
   if (held == held_.end()) return;
@@ -235,7 +235,7 @@ bool TcpListener::accept_from(int listening) {
   const int socket = ::accept4(listening, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (socket < 0) return false;
   const std::string address = text_of(peer);
-  if (admission_.admits(socket, address, descriptor_limit())) {
+  if (admission_.admits(socket, address, Admission::descriptor_limit())) {
     taker_(listening, socket, address);
     return true;
   }

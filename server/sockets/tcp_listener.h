@@ -30,6 +30,11 @@ class Admission {
 
   /// How many of `limit` descriptors are left to everything that is no connection.
   static long reserve(long limit) { return std::max(32L, std::min(limit / 4, 4096L)); }
+  /// How many connections to itself the process may have besides, for those that are encrypted. Each takes two
+  /// descriptors, which come out of the reserve if there are no others, and a quarter of the reserve stays free.
+  static long most_inside(long limit) { return reserve(limit) * 3 / 8; }
+  /// How many descriptors this process may have now.
+  static long descriptor_limit();
   /// How many connections one address may have.
   static long most_of_an_address(long limit) { return (limit - reserve(limit)) / 2; }
 

@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import os
 import re
+import resource
 import shutil
 import socket
 import ssl
@@ -114,6 +115,33 @@ class Https(WithHttp):
         with self.trusts.wrap_socket(other, server_hostname=host) as connection:
             connection.sendall(b"GET /v1/info HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
             self.assertIn(b" 200 ", connection.recv(65536))
+
+    def test_descriptors_behind_connections_leave_some_of_the_reserve(self):
+        """A connection takes a second descriptor with its first byte, and the server behind a third."""
+        process, descriptors = self.server.process.pid, Path(f"/proc/{self.server.process.pid}/fd")
+        limit = (len(list(descriptors.iterdir())) + 60) * 4 // 3  # room for about 60 connections, and a reserve
+        resource.prlimit(process, resource.RLIMIT_NOFILE, (limit, resource.prlimit(process, resource.RLIMIT_NOFILE)[1]))
+        host, port = self.http.rsplit(":", 1)
+        kept = []
+        with contextlib.suppress(OSError):  # the last one is refused
+            for i in range(60):  # an address may have half of the room
+                plain = socket.create_connection((host, int(port)), 20, source_address=(f"127.0.0.{2 + i % 4}", 0))
+                self.addCleanup(plain.close)
+                kept.append(self.trusts.wrap_socket(plain, server_hostname=host))
+        self.assertGreater(len(kept), 40)
+        for one in kept:
+            one.sendall(b"GET /v1/info HTTP/1.1\r\nHost: ")
+        most, end = 0, time.monotonic() + 1
+        while time.monotonic() < end:
+            most = max(most, len(list(descriptors.iterdir())))
+        self.assertLess(most, limit - max(32, limit // 4) // 8)
+        for one in kept:
+            one.close()
+        deadline = time.monotonic() + 20
+        while len(list(descriptors.iterdir())) > limit // 2:
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+        self.still_answers()
 
     def is_closed(self, connection):
         connection.settimeout(0)

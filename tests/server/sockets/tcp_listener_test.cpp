@@ -19,6 +19,10 @@ TEST(Admission, LeavesDescriptorsToTheServer) {
   EXPECT_TRUE(admission.admits(68, "192.0.2.2", 2 * kLimit)) << "the limit may change while the server runs";
   EXPECT_GE(Admission::reserve(256), 64);
   EXPECT_EQ(Admission::reserve(1 << 20), 4096);
+  for (const long limit : {64L, 100L, 1024L, 4096L, 1L << 20}) {
+    EXPECT_GE(Admission::most_inside(limit), 12);
+    EXPECT_LE(2 * Admission::most_inside(limit), Admission::reserve(limit) * 3 / 4);
+  }
 }
 
 /// A file that takes a descriptor, as a connection does.
