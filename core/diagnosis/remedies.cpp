@@ -65,6 +65,15 @@ Remedy slide_remedy(std::int64_t count) {
           count_text(count) + "."};
 }
 
+/// Raising the order, which has been seen to help.
+Remedy order_remedy(std::int64_t uncertified, const Tried& tried) {
+  const std::int64_t left = *tried.left_at_next_order;
+  const std::string flags = "--order " + std::to_string(tried.next_order);
+  return {flags, uncertified - left,
+          "Run with " + flags + ": it has been tried, and " +
+              (left == 0 ? "every element becomes" : "all but " + count_text(left) + " become") + " valid."};
+}
+
 std::vector<Remedy> remedies_of(const HighOrderMesh& mesh, const Sorted& sorted, const Tried& tried) {
   std::vector<Remedy> remedies;
   if (const auto count = static_cast<std::int64_t>(sorted.movable.size()); count > 0)
@@ -78,8 +87,9 @@ std::vector<Remedy> remedies_of(const HighOrderMesh& mesh, const Sorted& sorted,
     remedies.push_back({"", count,
                         "Mesh the boundary anew or refine it at " +
                             elements_text(sorted.boundary, "element", "elements") + ": " +
-                            (can_slide(mesh) ? "where sliding does not help, nothing else is known to."
-                                             : "nothing else is known to help there.")});
+                            (can_slide(mesh)            ? "where sliding does not help, nothing else is known to."
+                             : tried.left_at_next_order ? "nothing else is known to help at this order."
+                                                        : "nothing else is known to help there.")});
   }
   return remedies;
 }
@@ -117,6 +127,7 @@ WhatIsLeft what_is_left(const HighOrderMesh& mesh, const Numbers& uncertified,
   for (const auto& [number, findings] : found)
     if (findings.in_group) ++(findings.proved ? left.proved : left.unproved);
   left.remedies = remedies_of(mesh, sort_by_remedy(mesh, found, tried), tried);
+  if (tried.left_at_next_order) left.remedies.insert(left.remedies.begin(), order_remedy(left.uncertified, tried));
   left.sentence = sentence_of(left);
   return left;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,9 @@ struct Tried {
   bool until_valid = false;  ///< with Until::Valid,
   bool split = false;        ///< with Repair::Split.
   bool cut_short = false;    ///< A limit or the caller ended that.
+  int next_order = 0;        ///< The order above that of the mesh.
+  /// How many elements an optimisation leaves that begins with raising the mesh to that order, if these are fewer.
+  std::optional<std::int64_t> left_at_next_order{};
 };
 
 /// Counts the elements with these numbers, which are not certified valid, and says what to try next. `groups` are those

@@ -81,13 +81,15 @@ void note_missed_bound(const SetUp& set_up, Result& result) {
   result.notes.emplace_back(text);
 }
 
-Tried tried_by(const Options& options, const RunSummary& result, bool tried_others) {
+Tried tried_by(const Options& options, const RunSummary& result, const OtherWays& others) {
   Tried tried;
   const bool cannot_move = result.sizes.free_nodes == 0;  // so another run would move nothing either
   tried.movement = cannot_move || result.iterations > 0;
-  tried.until_valid = cannot_move || tried_others || options.until == Until::Valid;
+  tried.until_valid = cannot_move || others.tried || options.until == Until::Valid;
   tried.split = splits(options.repair);
   tried.cut_short = was_cut_short(result);
+  tried.next_order = result.sizes.order + 1;
+  tried.left_at_next_order = others.left_at_next_order;
   return tried;
 }
 
@@ -116,10 +118,10 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl contro
   if (may_split) set_up.seconds = 0;
   Result result = may_split ? optimise_by_splitting(set_up, on_iteration, control, stop)
                             : Run(set_up, on_iteration, control, stop).go();
-  const bool tried_others = try_other_ways(set_up, on_iteration, control, stop, result);
+  const OtherWays others = try_other_ways(set_up, on_iteration, control, stop, result);
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
-  result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result, tried_others));
+  result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result, others));
   note_missed_bound(set_up, result);
   keep_orientation(set_up, result);
   return result;

@@ -13,6 +13,7 @@
 #include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/optimise/memory.h"
 #include "core/optimise/run.h"
 #include "core/optimise/sequences/work.h"
 
@@ -42,6 +43,9 @@ constexpr std::array kWays{
     Way{Objective::Energy, Energy::Hyperelastic, Constants::Reference, Target::StraightSided,
         "the constants of the reference"},
 };
+
+/// The most bytes that the attempt at the next order may need beyond what the run does: it is worth a hint only.
+constexpr std::int64_t kMemoryOfAHint = std::int64_t{16} << 20;
 
 /// The work of all attempts, as a multiple of that of the run before. Each does at most as much as that run.
 constexpr double kTimesTheWork = 2;
@@ -103,7 +107,7 @@ class Attempts {
     most_work_ = kTimesTheWork * work_of_each_;
   }
 
-  void run() {
+  OtherWays run() {
     free_tables();
     std::optional<Result> best;
     const Way* way = nullptr;
@@ -124,7 +128,10 @@ class Attempts {
       take(std::move(*best), *way);
     else if (!tried_.empty() && left(result_) > 0)
       result_.notes.push_back("Tried in vain for what is left: " + tried_ + ".");
+    OtherWays ways{true, {}};
+    if (leaves_hope(result_)) ways.left_at_next_order = left_at_next_order();
     finish();
+    return ways;
   }
 
  private:
@@ -182,9 +189,10 @@ class Attempts {
     return options;
   }
 
-  /// Runs with these options from these coordinates. Nothing if the mesh is refused.
-  std::optional<Result> run(Options options, std::vector<double> coordinates) {
-    options.order = 0;
+  /// Runs with these options from these coordinates, and raises the mesh to another order first if there is one.
+  /// Nothing if the mesh is refused.
+  std::optional<Result> run(Options options, std::vector<double> coordinates, int order = 0) {
+    options.order = order;
     options.max_iterations -= result_.iterations;
     const double begun = seconds();
     if (options.time_limit > 0) options.time_limit = std::max(1e-9, options.time_limit - begun);
@@ -209,7 +217,8 @@ class Attempts {
     control.shallow_untangling = control.shallow_untangling || options.objective == Objective::Energy;
     Result result = Run(**prepared, pass_on, control, stop_).go();
     // Objective::Worst ends no lower than the default, attempts included, if all cells are valid.
-    if (options.objective != set_up_.options.objective) try_other_ways(**prepared, pass_on, control_, stop_, result);
+    if (options.objective != set_up_.options.objective && order == 0)
+      try_other_ways(**prepared, pass_on, control_, stop_, result);
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;
     result_.proof_seconds += result.proof_seconds;
@@ -218,6 +227,22 @@ class Attempts {
       result.stop_reason = StopReason::NoProgress;
     }
     return result;
+  }
+
+  /// How many elements are left if the mesh as it came is raised by one order; nothing if no fewer, or not known.
+  std::optional<std::int64_t> left_at_next_order() {
+    const int order = set_up_.mesh.order + 1;
+    if (order > kMaxOrder || !may_go_on()) return std::nullopt;
+    Options options = set_up_.options;
+    options.objective = Objective::Auto;
+    options.min_js = Options().min_js;
+    options.until = Until::Valid;
+    options.order = order;
+    if (memory_needed(set_up_.mesh, options) > memory_needed(set_up_.mesh, set_up_.options) + kMemoryOfAHint)
+      return std::nullopt;
+    expect_ways(1);
+    const std::optional<Result> raised = run(options, set_up_.mesh.coordinates, order);
+    return raised && left(*raised) < left(result_) ? std::optional(left(*raised)) : std::nullopt;
   }
 
   /// Takes this result of an attempt, after going on from its mesh as the run would have.
@@ -280,14 +305,13 @@ bool leaves_the_way_open(const Options& options) {
          options.method == Method::Auto && !splits(options.repair) && options.max_iterations > 0;
 }
 
-bool try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
-                    Result& result) {
+OtherWays try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
+                         Result& result) {
   const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result);
   const bool may = is_wanted && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
                    !stop.stopped() && result.iterations > 0;
-  if (!may) return false;
-  Attempts(set_up, on_iteration, control, stop, result).run();
-  return true;
+  if (!may) return {};
+  return Attempts(set_up, on_iteration, control, stop, result).run();
 }
 
 }  // namespace varimesh

@@ -1,6 +1,9 @@
 // What is tried for elements that a run has left invalid, before they are given up. Internal to core/optimise.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "core/base/stop_token.h"
 #include "core/optimise/result.h"
 #include "core/optimise/run_control.h"
@@ -12,6 +15,14 @@ namespace varimesh {
 /// nor Objective::Energy, a method, another target than the straight-sided shape, or a repair that changes elements.
 bool leaves_the_way_open(const Options& options);
 
+/// What was tried.
+struct OtherWays {
+  bool tried = false;
+  /// How many elements are left that are not certified valid if the mesh is raised by one order first; absent: this was
+  /// not tried, or leaves no fewer.
+  std::optional<std::int64_t> left_at_next_order{};
+};
+
 /// Tries other energies and targets on the mesh as it came if `result`, that of a run with this set-up, has ended by
 /// itself and
 /// - has left cells that no proof calls unrepairable: the first way that leaves none is taken, or else the one that
@@ -22,8 +33,9 @@ bool leaves_the_way_open(const Options& options);
 /// All attempts together do at most a multiple of the work of the run. Iterations are numbered through.
 ///
 /// Attempts make no checkpoints: a run that goes on from one makes them again. They free the tables of the set-up, and
-/// SetUp::is_spent says so. Returns whether anything was tried.
-bool try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
-                    Result& result);
+/// SetUp::is_spent says so. If cells are left that may become valid, and work, time and memory are left too, the last
+/// attempt is the mesh raised by one order. It is only reported, because a run does not change the order by itself.
+OtherWays try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
+                         Result& result);
 
 }  // namespace varimesh

@@ -86,6 +86,18 @@ TEST(OtherWays, LetWorstEndNoLowerThanTheDefaultOnAMeshOfOrderOne) {
 }
 
 /// The mesh and the set-up are those of the first run again, although attempts free their tables.
+TEST(OtherWays, SayIfTheNextOrderLeavesFewer) {
+  const Result result = run("reentrant_2_of_4.msh");
+  ASSERT_EQ(result.left.uncertified, 1);
+  EXPECT_EQ(result.mesh.order, 1);
+  ASSERT_FALSE(result.left.remedies.empty());
+  EXPECT_EQ(result.left.remedies.front().flags, "--order 2");
+  EXPECT_EQ(result.left.remedies.front().elements, 1);
+  Options options;
+  options.order = 2;
+  EXPECT_TRUE(run("reentrant_2_of_4.msh", options).after.uncertified.empty());
+}
+
 TEST(OtherWays, LeaveAnOptimiserAsItWas) {
   const HighOrderMesh mesh = testing::read_case("reentrant_4_of_6.msh");
   auto optimiser = Optimiser::create(mesh);
