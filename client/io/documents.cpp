@@ -21,6 +21,8 @@ Json accuracy_document(double loss, const std::vector<double>& modal_parts) {
   return {{"loss", loss}, {"modal_parts", modal_parts}};
 }
 
+Json in_layers_document(double error, std::int64_t cells) { return {{"error", error}, {"elements", cells}}; }
+
 Json quality_document(const v1::QualityReport& quality) {
   const v1::Certified& certified = quality.certified();
   Json document = {{"min_scaled_jacobian", quality.min_scaled_jacobian()},
@@ -36,6 +38,8 @@ Json quality_document(const v1::QualityReport& quality) {
   if (quality.has_accuracy())
     document["accuracy"] = accuracy_document(
         quality.accuracy().loss(), {quality.accuracy().modal_parts().begin(), quality.accuracy().modal_parts().end()});
+  if (quality.has_in_layers())
+    document["in_layers"] = in_layers_document(quality.in_layers().error(), quality.in_layers().cells());
   return document;
 }
 
@@ -244,6 +248,8 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
                  {"left", left_document(left)}};
   if (quality.accuracy)
     result["quality"]["accuracy"] = accuracy_document(quality.accuracy->loss, quality.accuracy->modal_parts);
+  if (quality.in_layers)
+    result["quality"]["in_layers"] = in_layers_document(quality.in_layers->error, quality.in_layers->cells);
   return result;
 }
 

@@ -105,6 +105,11 @@ std::string loss_text(const v1::QualityReport& quality) {
   return quality.has_accuracy() ? fmt::format("{:.3g}", quality.accuracy().loss()) : "-";
 }
 
+/// The error in layers with three digits; "-" if there are none, or invalid ones.
+std::string layer_error_text(const v1::QualityReport& quality) {
+  return quality.has_in_layers() ? fmt::format("{:.3g}", quality.in_layers().error()) : "-";
+}
+
 /// The quality with which the run ended: that of the result, or before the result was split into layers.
 const v1::QualityReport& at_end_of_run(const v1::Metrics& metrics) {
   return metrics.layers().has_thick() ? metrics.layers().thick() : metrics.after();
@@ -112,7 +117,7 @@ const v1::QualityReport& at_end_of_run(const v1::Metrics& metrics) {
 
 /// What the figures mean, for those who see them for the first time.
 constexpr const char *kOfLoss = "  of a solver; 0 is best", *kOfJacobian = "  1 is best; 0 or less: invalid",
-                     *kOfProof = "  no element has less";
+                     *kOfProof = "  no element has less", *kInLayers = "  of what decays from the wall";
 
 /// A table of the quality before and after, and with layers if there are some.
 std::string figures(const v1::Metrics& metrics) {
@@ -125,7 +130,9 @@ std::string figures(const v1::Metrics& metrics) {
     return line + (columns.size() == 2 ? meaning : "") + "\n";  // with layers, a terminal has no room for it
   };
   const auto number = [](double value) { return fmt::format("{:.5f}", value); };
-  const std::string losses = row("loss of accuracy", loss_text, kOfLoss);
+  std::string losses = row("loss of accuracy", loss_text, kOfLoss);
+  if (std::ranges::any_of(columns, [](const auto& column) { return column.second->has_in_layers(); }))
+    losses += row("error in layers", layer_error_text, kInLayers);
   const bool has_loss = metrics.after().has_accuracy();  // then it is the first figure
   std::string heads = std::string(24, ' ');
   for (const auto& [heading, quality] : columns) heads += fmt::format("  {:>10}", heading);
@@ -172,12 +179,21 @@ std::string verdict(const v1::Metrics& metrics) {
 
 namespace {
 
-/// By how much the loss fell: ", 11 % lower"; empty if it did not fall by half a percent.
-std::string lower_text(const v1::QualityReport& before, const v1::QualityReport& after) {
-  constexpr double kSeen = 0.5;  // percent
-  if (!before.has_accuracy() || !after.has_accuracy()) return "";
-  const double percent = 100 * (1 - after.accuracy().loss() / before.accuracy().loss());
-  return percent >= kSeen && std::isfinite(percent) ? fmt::format(", {:.0f} % lower", percent) : "";
+constexpr double kSeenPercent = 0.5;
+
+/// By how much a figure fell: ", 11 % lower"; empty if it did not fall by half a percent.
+std::string lower_text(double before, double after) {
+  const double percent = 100 * (1 - after / before);
+  return percent >= kSeenPercent && std::isfinite(percent) ? fmt::format(", {:.0f} % lower", percent) : "";
+}
+
+/// The error in layers before and after, if it has changed: "; error in layers .02 -> .01, 50 % lower".
+std::string layer_change_text(const v1::QualityReport& before, const v1::QualityReport& after) {
+  if (!before.has_in_layers() || !after.has_in_layers()) return "";
+  const double from = before.in_layers().error(), to = after.in_layers().error();
+  if (std::abs(to - from) < kSeenPercent / 100 * from) return "";
+  const std::string change = to < from ? lower_text(from, to) : fmt::format(", {:.0f} % higher", 100 * (to / from - 1));
+  return "; error in layers " + layer_error_text(before) + " -> " + layer_error_text(after) + change;
 }
 
 }  // namespace
@@ -195,7 +211,10 @@ std::string objective_text(const v1::Metrics& metrics, const v1::Options& asked)
   switch (metrics.objective()) {
     case v1::OBJECTIVE_ACCURACY:
       return "objective: accuracy; loss of accuracy " + loss_text(before) + " -> " + loss_text(after) +
-             lower_text(before, after);
+             (before.has_accuracy() && after.has_accuracy()
+                  ? lower_text(before.accuracy().loss(), after.accuracy().loss())
+                  : "") +
+             layer_change_text(before, after);
     case v1::OBJECTIVE_ENERGY:
       return "objective: energy" + why_energy(metrics, asked);
     case v1::OBJECTIVE_WORST:
@@ -282,12 +301,16 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
           "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
           "certified valid           {:>10}\ncertified invalid         {:>10}\n"
           "undecided                 {:>10}\nproved scaled Jacobian    {:>10}{}\n"
-          "loss of accuracy          {:>10}{}\n"
+          "loss of accuracy          {:>10}{}\n{}"
           "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
           quality.min_scaled_jacobian, kOfJacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
           quality.invalid_elements, quality.certified.valid, quality.certified.invalid, quality.certified.undecided,
           bound_text(quality.certified.min_scaled_jacobian_lower_bound), kOfProof,
-          quality.accuracy ? fmt::format("{:.3g}", quality.accuracy->loss) : "-", kOfLoss, quality.lattice_intervals) +
+          quality.accuracy ? fmt::format("{:.3g}", quality.accuracy->loss) : "-", kOfLoss,
+          quality.in_layers
+              ? fmt::format("error in layers           {:>10.3g}{}\n", quality.in_layers->error, kInLayers)
+              : "",
+          quality.lattice_intervals) +
       histogram(quality);
   if (!quality.clockwise.empty())
     text += clockwise_text(quality.clockwise, static_cast<std::size_t>(mesh.elements), mesh.dimension) +

@@ -18,6 +18,7 @@ Expected<void> check_flags(const QualityArguments& arguments) {
   if (arguments.input == "-") return refuse("standard input", "reads it");
   if (!arguments.output.empty()) return refuse("--output", "writes the marked mesh");
   if (!arguments.report.empty()) return refuse("--report", "writes the page");
+  if (arguments.layers) return refuse("--layers", "measures layers");
   if (arguments.repairs.any()) return refuse("flags that repair the mesh", "repairs it");
   return {};
 }

@@ -18,7 +18,7 @@ struct QualityArguments {
   Repairs repairs;
   int lattice = 0;
   int threads = 0;
-  bool certify = false, diagnose = false;
+  bool certify = false, diagnose = false, layers = false;
 
   /// Whether the groups of elements that cannot be repaired are shown.
   bool shows_groups() const { return diagnose || common.json || !output.empty() || !report.empty(); }

@@ -1,4 +1,4 @@
-// The closest point of one surface element, inside its reference triangle or square. Internal to core/geometry.
+// The closest point of one surface element, inside its reference triangle or square. Internal to the library.
 #pragma once
 
 #include "core/geometry/element_map.h"

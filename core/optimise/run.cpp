@@ -106,17 +106,23 @@ void Run::judge_as_it_came() {
   };
   swap_layers();
   prove_it();
-  result_.before = report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_);
+  result_.before = judge(set_up_.mesh);
   swap_layers();
   if (!set_up_.as_it_came.empty()) prove_it();
-  at_start_ = !set_up_.as_it_came.empty() && options_.layer_spacing != LayerSpacing::Keep
-                  ? report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_)
-                  : result_.before;
+  at_start_ = !set_up_.as_it_came.empty() && options_.layer_spacing != LayerSpacing::Keep ? judge(set_up_.mesh)
+                                                                                          : result_.before;
   const bool looked = options_.max_iterations > 0;
   if (looked && options_.layer_spacing != LayerSpacing::Keep && set_up_.layers.cells == 0)
     result_.notes.emplace_back("There are no layers of thin elements at a wall, so layer_spacing changes nothing.");
   if (!set_up_.layers.held.empty() || set_up_.layers.placed > 0)
     result_.notes.push_back(layers_text(set_up_.layers, options_.layer_spacing));
+}
+
+QualityReport Run::judge(const HighOrderMesh& mesh) {
+  QualityReport report = report_quality(mesh, *certifier_, certificates_, team_, grace_);
+  if (set_up_.layers.cells > 0)
+    grace_.finish([&] { report.in_layers = layer_error(mesh, set_up_.facets, team_); }, [] {});
+  return report;
 }
 
 void Run::prove() {
@@ -170,7 +176,7 @@ void Run::finish_mesh() {
   result_.mesh = with_coordinates(set_up_.mesh, std::move(result_.mesh.coordinates));
   if (options_.method == Method::Auto && control_.untangles_lost && !was_cut_short(result_)) raise_low();
   if (options_.repair == Repair::Straighten && !result_.unrepairable.empty()) straighten_result();
-  result_.after = report_quality(result_.mesh, *certifier_, certificates_, team_, grace_);
+  result_.after = judge(result_.mesh);
   keep_the_better();
 }
 

@@ -41,6 +41,8 @@ class Run {
   /// The quality of the mesh as it came. Afterwards `certificates_` are those of the mesh of the set-up, in which
   /// layers have been brought into form.
   void judge_as_it_came();
+  /// The quality of this mesh, which has the elements of the run's, and what its layers are worth.
+  QualityReport judge(const HighOrderMesh& mesh);
   /// Certifies the mesh. If a cell is not valid, finds what cannot be repaired; if all are, there is nothing to repair.
   void prove();
   bool came_valid() const { return result_.before.uncertified.empty(); }

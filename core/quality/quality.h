@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/layers/error/layer_error.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/quality/accuracy/accuracy.h"
 #include "core/validity/certificate.h"
@@ -48,6 +49,10 @@ struct QualityReport {
   /// How much accuracy a solver loses because cells are curved. Absent in quick_quality(), and if the mesh is a surface
   /// in space that does not lie in one plane.
   std::optional<Accuracy> accuracy;
+  /// How well elements in layers hold solutions that decay from the wall. quality() leaves it out, because it takes
+  /// the whole mesh to find layers. Runs that treat layers add it, unless an element in a layer is invalid or the run
+  /// has to end at once. So do callers of layer_error().
+  std::optional<LayerError> in_layers;
 
   /// Element numbers of the cells that are numbered clockwise (in space: left-handed), in the mesh's order. Everything
   /// above judges them as if they were turned.

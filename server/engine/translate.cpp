@@ -128,6 +128,10 @@ v1::QualityReport to_proto(const QualityReport& report) {
     accuracy.set_loss(report.accuracy->loss);
     for (const double part : report.accuracy->modal_parts) accuracy.add_modal_parts(part);
   }
+  if (report.in_layers) {
+    message.mutable_in_layers()->set_error(report.in_layers->error);
+    message.mutable_in_layers()->set_cells(report.in_layers->cells);
+  }
   v1::Certified& certified = *message.mutable_certified();
   certified.set_valid(report.certified.valid);
   certified.set_invalid(report.certified.invalid);

@@ -62,6 +62,19 @@ std::vector<std::string> loose_parts(const HighOrderMesh& mesh, int threads) {
   return sentences;
 }
 
+/// Adds the error in layers, or says why there is none.
+void judge_layers(const HighOrderMesh& mesh, int threads, QualityReport& found) {
+  const Team team(threads);
+  Facets all;
+  team.run([&] { all = facets(mesh, team); });
+  found.in_layers = layer_error(mesh, all, team);
+  if (found.in_layers) return;
+  std::cerr << "varimesh: There is no error in layers, because "
+            << (found.uncertified.empty() ? "the mesh has no layers of thin elements at a wall"
+                                          : "the mesh has no layers of thin elements at a wall that are all valid")
+            << ".\n";
+}
+
 }  // namespace
 
 int quality_of_file(const QualityArguments& arguments) {
@@ -81,7 +94,11 @@ int quality_of_file(const QualityArguments& arguments) {
         {Error::Kind::BadInput,
          "A report page cannot show a surface in space. Leave out --report; -o OUT.vtu writes the figures of each "
          "element, for a viewer such as ParaView."});
-  const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
+  if (arguments.layers && is_surface(file->mesh))
+    return print_error(
+        {Error::Kind::BadOption, "A surface in space has no layers of elements at a wall. Leave out --layers."});
+  QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
+  if (arguments.layers) judge_layers(file->mesh, arguments.threads, found);
   const auto groups = find_unrepairable(arguments, file->mesh, found);
   const WhatIsLeft left = what_is_left(file->mesh, uncertified_numbers(found), groups, {});
   for (const std::string& sentence : loose_parts(file->mesh, arguments.threads))
@@ -108,6 +125,8 @@ Action add_quality(Command program, const QualityRun& run) {
   command.add("--certify", &arguments->certify, "Exit with status 4 if an element is not certified valid");
   command.add("--diagnose", &arguments->diagnose,
               "Say which elements no movement of interior nodes can repair, and why");
+  command.add("--layers", &arguments->layers,
+              "Also say how well thin elements at walls hold solutions that decay from the wall");
   command
       .add("-o,--output", &arguments->output,
            "Write the mesh with marks on its elements (.vtu: cell arrays, .msh: a physical group)")

@@ -32,6 +32,14 @@ class Accuracy:
     modal_parts: NDArray[np.float64]  # parts of the cells' maps by degree, from degree 2 to the order of the mesh
 
 
+@dataclass(frozen=True)
+class LayerError:
+    """How well the elements in layers hold solutions that decay from the wall, as a relative error of the gradient."""
+
+    error: float
+    cells: int  # in layers
+
+
 @dataclass(frozen=True, repr=False)
 class Quality:
     """The quality of a whole mesh. proto/varimesh/v1/quality.proto describes the fields."""
@@ -46,6 +54,7 @@ class Quality:
     accuracy: Accuracy | None  # None if a run had to end at once, and for a curved surface in space
     clockwise_elements: int
     clockwise: NDArray[np.int64]  # numbers of the cells that are numbered clockwise; at most 1000
+    in_layers: LayerError | None  # of runs that treat layers; None without, and if one is invalid
 
     def __repr__(self) -> str:
         valid, left = self.certified.valid, self.certified.invalid + self.certified.undecided
@@ -207,7 +216,8 @@ def quality_of(message: quality_pb2.QualityReport, numbering: Numbering = OF_FIL
         np.array(numbering.numbers(one.number for one in certified.uncertified), dtype=np.int64),
         Accuracy(message.accuracy.loss, np.array(message.accuracy.modal_parts, dtype=np.float64))
         if message.HasField("accuracy") else None,
-        message.clockwise_elements, np.array(numbering.numbers(message.clockwise), dtype=np.int64))  # fmt: skip
+        message.clockwise_elements, np.array(numbering.numbers(message.clockwise), dtype=np.int64),
+        LayerError(message.in_layers.error, message.in_layers.cells) if message.HasField("in_layers") else None)  # fmt: skip
 
 
 def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,

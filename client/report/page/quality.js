@@ -26,6 +26,8 @@ function tiles(document) {
   const all = [
     ...(last.accuracy ? [explained(tile('Loss of accuracy', ...pair((one) => (one === undefined ? '–' : readable(one)), (one) => one.accuracy?.loss)),
         'of a solver; 0 is best')] : []),
+    ...(last.in_layers ? [explained(tile('Error in layers', ...pair((one) => (one === undefined ? '–' : readable(one)), (one) => one.in_layers?.error)),
+        'of what decays from the wall; 0 is best')] : []),
     explained(tile('Smallest scaled Jacobian', ...pair(jacobian, (one) => one.min_scaled_jacobian)), '1 is best; 0 or less: invalid'),
     tile('Mean scaled Jacobian', ...pair(jacobian, (one) => one.mean_scaled_jacobian)),
     tile('Invalid elements', ...pair(grouped, (one) => one.invalid_elements)),
@@ -68,6 +70,7 @@ function histograms(section, report) {
 
 const QUALITY_ROWS = [
   ['Loss of accuracy', (one) => one.accuracy?.loss, readable, 'accuracy.loss'],
+  ['Error in layers', (one) => one.in_layers?.error, (value) => (value === undefined ? '–' : readable(value)), 'in_layers.error'],
   ['Smallest scaled Jacobian', (one) => one.min_scaled_jacobian, jacobian, 'min_scaled_jacobian'],
   ['Mean scaled Jacobian', (one) => one.mean_scaled_jacobian, jacobian, 'mean_scaled_jacobian'],
   ['Smallest distortion Jacobian', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
@@ -87,7 +90,8 @@ function qualityTable(document) {
     titles.splice(1, 0, 'Before the split into layers');
   }
   const heads = titles.map((text) => ({text, class: 'number'}));
-  const rows = QUALITY_ROWS.map(([name, pick, show]) => [name, ...list.map(([, one]) => numberCell(pick(one), show(pick(one))))]);
+  const shown = QUALITY_ROWS.filter(([name, pick]) => name !== 'Error in layers' || list.some(([, one]) => pick(one) !== undefined));
+  const rows = shown.map(([name, pick, show]) => [name, ...list.map(([, one]) => numberCell(pick(one), show(pick(one))))]);
   const node = table('Quality', ['', ...heads], rows);
   node.id = 'quality-table';
   return node;

@@ -303,3 +303,17 @@ class Layer:
             k, phase = self.waves(x)
             result = result + 0.3 * (k @ k) * np.sin(phase)
         return result
+
+
+DELTAS = (0.3, 0.1, 0.03, 0.01)
+# Profile, and whether a wave is added.
+SOLUTIONS = {"exp": ("exp", False), "tanh": ("tanh", False), "erf": ("erf", False), "tanh + wave": ("tanh", True)}
+
+
+def h1_errors(path, body):
+    """By kind of solution, "waves" included: the H1 errors of a solver, for layers one for each of DELTAS."""
+    mesh = plain.Plain(path)
+    errors = {name: np.sqrt(mesh.squared_errors(Layer(body, profile, DELTAS, wave))[1])
+              for name, (profile, wave) in SOLUTIONS.items()}
+    errors["waves"] = np.sqrt(mesh.squared_errors(plain.Waves(mesh.dimension, mesh.volume))[1].mean(keepdims=True))
+    return errors
