@@ -69,13 +69,13 @@ class Meshes(WithHttp):
         digest, size = hashlib.sha256(data).hexdigest(), len(data)
         head = (f"PUT /v1/meshes?digest={digest}&uploadId=mine HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/octet-stream\r\n"
                 f"Content-Length: {size}\r\n\r\n").encode()
+        asked = f"/v1/uploads/mine?digest={digest}"
         with self.dial(20) as connection:
             connection.sendall(head + data[:size // 2])
-        asked = f"/v1/uploads/mine?digest={digest}"
-        deadline = time.monotonic() + 20
-        while (code := self.ask("GET", asked)[0]) != 200 or not self.ask("GET", asked)[1]:
-            self.assertLess(time.monotonic(), deadline, code)
-            time.sleep(0.05)
+            deadline = time.monotonic() + 20  # a client that closes before the server has anything leaves nothing to go on from
+            while (code := self.ask("GET", asked)[0]) != 200 or not self.ask("GET", asked)[1]:
+                self.assertLess(time.monotonic(), deadline, code)
+                time.sleep(0.05)
         time.sleep(0.5)  # what is on its way arrives
         have = int(self.ask("GET", asked)[1]["committedSize"])
         self.assertGreater(have, 0)
