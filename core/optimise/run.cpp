@@ -205,10 +205,8 @@ void Run::raise_low() {
   if (asked.what == Asked::What::Loss && !outcome.interrupted && are_valid(certificates_)) raise_to(asked.bound);
   if (outcome.interrupted) grace_.say_stopped(result_);
   if (made_valid.empty() && outcome.raised.empty()) return;
-  std::vector<double> weights;
-  team_.run([&] { weights = local_weights(set_up_.mesh, team_.without_stop()); });
   const auto loss_at = [&](const std::vector<double>& at) {
-    return Merit{.loss = local_loss(set_up_.mesh, at, weights, team_.without_stop())};
+    return Merit{.loss = local_loss(set_up_.mesh, at, team_.without_stop())};
   };
   if (came_valid() && !keeps_loss(loss_at(result_.mesh.coordinates), loss_at(set_up_.mesh.coordinates))) {
     result_.mesh.coordinates = coordinates;

@@ -157,13 +157,12 @@ double local_wave(const HighOrderMesh& mesh) {
   return std::pow(cells, -1.0 / mesh.dimension);
 }
 
-double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, std::span<const double> weights,
-                  const Team& team) {
+double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
   const CellAccuracy cells = measure(mesh, coordinates, team);
   const double wave = local_wave(mesh);
   double sum = 0;
   for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
-    double weight = weights[cell];
+    double weight = 1;
     for (std::size_t part = cells.parts; part-- > 0;) {
       const double value = cells.modal_parts[cell * cells.parts + part];
       sum += (weight *= wave * wave) * value * value;

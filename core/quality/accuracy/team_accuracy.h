@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "core/base/team.h"
 #include "core/mesh/mesh_counts.h"
@@ -28,21 +27,11 @@ Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates
 /// κ = N^(−1/d) of the local loss, N being the number of cells: a wave number of one over a mesh of equal cells.
 double local_wave(const HighOrderMesh& mesh);
 
-/// How much each cell counts in the local loss, by cell of the mesh: w_E = (V_E/V̄_E)^(1 + 2/d), but at least 1/16 and
-/// at most 16. V_E is the volume of the cell and V̄_E that of the cells around it, the exponential of a mean of
-/// logarithms: three times, the mean over the vertices of a cell of the means over the cells at a vertex. The power is
-/// that with which V_E stands in the loss of the mesh at the part of degree P. So among neighbours the local loss
-/// weighs cells as the loss of the mesh does, and far away cells count alike, whatever their size. Call it inside
-/// team.run().
-std::vector<double> local_weights(const HighOrderMesh& mesh, const Team& team);
-
 /// The local loss of a mesh with its nodes at `coordinates`. It is the loss with the same wave number in units of each
-/// cell's own size, k h = κ, and with the weights w_E of local_weights(): its square is
-/// 1/N Σ_E w_E Σ_s κ^(2(P+1−s)) m_s² over the N cells. So it takes the sizes of cells for what the mesher knew about
-/// the solution, and the sizes of cells far away do not change what those near a body are worth. The descent lowers it
-/// (core/solvers/descent). Infinite if det J = 0 in a cell.
-double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, std::span<const double> weights,
-                  const Team& team);
+/// cell's own size, k h = κ, and counts all N cells alike: its square is 1/N Σ_E Σ_s κ^(2(P+1−s)) m_s². So it takes the
+/// sizes of cells for what the mesher knew about the solution, and the sizes of cells far away do not change what those
+/// near a body are worth. The descent lowers it (core/solvers/descent). Infinite if det J = 0 in a cell.
+double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team);
 
 /// The most bytes that accuracy() has in use, beside the tables.
 std::int64_t bytes_of_accuracy(const MeshCounts& counts);

@@ -66,8 +66,7 @@ Descent::Descent(const DescentContext& context)
       from_(free_positions(problem_, problem_.positions)),
       space_(own_space(problem_, team_)),
       barrier_(problem_, context.kernels, context.hessian, PNorm{}, team_),
-      cell_weights_(local_weights(context.mesh, team_)),
-      form_(problem_, space_, local_wave(context.mesh), team_, cell_weights_, barrier_.room()),
+      form_(problem_, space_, local_wave(context.mesh), team_, barrier_.room()),
       levels_(problem_, space_, team_),
       objective_(problem_, barrier_, form_, levels_, context.material, team_),
       factors_(context.factors.empty() ? std::vector<double>(problem_.cells, 1.0) : context.factors),
@@ -122,7 +121,7 @@ Descent::State Descent::kept_state() const {
     state.certificates = context_.guard.certificates();
     judge(state);
   });
-  state.merit.loss = local_loss(context_.mesh, state.coordinates, cell_weights_, team_);
+  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
   state.merit.lower_than_it_came = lowers(state);
   return state;
 }
@@ -142,7 +141,7 @@ Descent::State Descent::state_as_it_came() const {
     context_.certifier.certify(state.coordinates, state.certificates, team_);
     judge(state);
   });
-  state.merit.loss = local_loss(context_.mesh, state.coordinates, cell_weights_, team_);
+  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
   return state;
 }
 

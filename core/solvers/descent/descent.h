@@ -171,7 +171,6 @@ class Descent {
   std::vector<double> from_;  ///< Where the free nodes were at the beginning.
   OrderSpace space_;
   CellEnergy barrier_;  ///< 1/N Σ_e ε_e/V_e ∫ W(F) dx
-  const std::vector<double> cell_weights_;  ///< Of the local loss, by cell of the mesh.
   ModalForm form_;      ///< In the room of barrier_.
   OrderLevels levels_;
   LossObjective objective_;

@@ -58,10 +58,10 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   for (int q = 1; q < order; ++q) kept += 2 * kDouble * d * counts.free.nodes(q);  // residuals, solutions
   // While a space is listed: ranks by node, and where the next place of each free node goes.
   const std::int64_t listing = 2 * kInt * counts.nodes() + kLong * counts.free_nodes();
-  // Vectors of the objective and of the round, and what vertices are held with; ε_e and what it follows from; the
-  // weights of cells; the best mesh, the latest one, and the one that the last round began with.
+  // Vectors of the objective and of the round, and what vertices are held with; ε_e and what it follows from; the best
+  // mesh, the latest one, and the one that the last round began with.
   constexpr std::int64_t kVectors = 8;
-  std::int64_t running = (kVectors * d + 1) * kDouble * counts.free_nodes() + 8 * kDouble * counts.cell_count();
+  std::int64_t running = (kVectors * d + 1) * kDouble * counts.free_nodes() + 7 * kDouble * counts.cell_count();
   running += kDouble * d * counts.nodes();
   running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());
   // After a round, a copy of the mesh is judged.

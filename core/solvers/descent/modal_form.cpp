@@ -25,13 +25,12 @@ void for_pairs(int d, const Visit& visit) {
 }  // namespace
 
 ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team,
-                     std::span<const double> cell_weights, std::span<double> room)
+                     std::span<double> room)
     : problem_(problem),
       space_(space),
       team_(team),
       reduction_(team),
       weights_(static_cast<std::size_t>(space.order) + 1),
-      cell_weights_(cell_weights),
       metrics_(problem.cells),
       values_(problem.cells) {
   const std::size_t numbers = static_cast<std::size_t>(space.place_count) * problem.dimension;
@@ -75,8 +74,7 @@ void ModalForm::measure(std::size_t number, std::int32_t first, std::int32_t cou
     metrics_[cell] = {};
     if (transposed.determinant() == 0) continue;
     const Eigen::MatrixXd inverse = transposed.inverse(), metric = inverse.transpose() * inverse;
-    const double weight = cell_weights_.empty() ? 1 : cell_weights_[at(set.mesh_cell[at(first + i)])];
-    for_pairs(d, [&](std::size_t pair, int a, int b) { metrics_[cell][pair] = weight * metric(a, b); });
+    for_pairs(d, [&](std::size_t pair, int a, int b) { metrics_[cell][pair] = metric(a, b); });
   }
 }
 

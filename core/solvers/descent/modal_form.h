@@ -18,18 +18,17 @@ namespace varimesh {
 /// The square of the local loss of accuracy (core/quality/accuracy/team_accuracy.h) with the Jacobian means J of a
 /// given mesh:
 ///
-///     Q(x) = 1/N Σ_E w_E Σ_{s=2..P} κ^(2(P+1−s)) 1/|Ê| ∫_Ê |∇χ_s J⁻¹|²,   N the number of cells.
+///     Q(x) = 1/N Σ_E Σ_{s=2..P} κ^(2(P+1−s)) 1/|Ê| ∫_Ê |∇χ_s J⁻¹|²,   N the number of cells.
 ///
 /// At that mesh Q is the squared local loss. Q is quadratic in the positions and the same for each coordinate, and 0
 /// for straight-sided cells, so it does not depend on where vertices are.
 class ModalForm {
  public:
-  /// Takes the frames. `wave` is κ: local_wave() of the mesh. `cell_weights`: w_E by cell of the mesh, as local_weights()
-  /// gives them, or all 1 if there are none. `room`: memory that the form may use, such as
+  /// Takes the frames. `wave` is κ: local_wave() of the mesh. `room`: memory that the form may use, such as
   /// CellEnergy::room(); with less than d numbers per place it takes its own. Call it inside team.run(). All references
   /// and the room must outlive the form.
   ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team,
-            std::span<const double> cell_weights = {}, std::span<double> room = {});
+            std::span<double> room = {});
 
   /// Takes J anew from problem.positions. Cells with det J = 0 do not count. Call it inside team.run().
   void take_frames();
@@ -69,9 +68,7 @@ class ModalForm {
   Reduction reduction_;
   std::vector<const detail::PartProducts*> products_;  ///< By Problem::sets.
   std::vector<double> weights_;                        ///< By degree s ≤ P: κ^(2(P+1−s)).
-  const std::span<const double> cell_weights_;
-  /// w_E J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.
-  std::vector<std::array<double, 6>> metrics_;
+  std::vector<std::array<double, 6>> metrics_;  ///< J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.
   std::vector<double> values_;                  ///< By cell.
   UntouchedVector<double> own_room_;            ///< Empty if there is another.
   std::span<double> contributions_;             ///< d per place.

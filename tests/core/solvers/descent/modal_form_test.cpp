@@ -24,10 +24,7 @@ class ModalFormOf : public ::testing::TestWithParam<Filling> {
     testing::shake(mesh_, 0.03, 5);
     problem_ = testing::make_problem(mesh_);
     space_ = own_space(problem_, team);
-    team.run([&] {
-      weights_ = local_weights(mesh_, team);
-      form_.emplace(problem_, space_, local_wave(mesh_), team, weights_);
-    });
+    team.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team); });
   }
   double value() {
     std::vector<double> gradient(problem_.free.size() * problem_.dimension);
@@ -43,7 +40,6 @@ class ModalFormOf : public ::testing::TestWithParam<Filling> {
   HighOrderMesh mesh_;
   Problem problem_;
   OrderSpace space_;
-  std::vector<double> weights_;
   std::optional<ModalForm> form_;
 };
 
@@ -53,7 +49,7 @@ INSTANTIATE_TEST_SUITE_P(Fillings, ModalFormOf, ::testing::ValuesIn(testing::kFi
 TEST_P(ModalFormOf, IsTheSquaredLossOfTheMeshThatItWasMadeOf) {
   for (int order = 2; order <= 4; ++order) {
     make(order);
-    const double loss = local_loss(mesh_, mesh_.coordinates, weights_, team_);
+    const double loss = local_loss(mesh_, mesh_.coordinates, team_);
     EXPECT_NEAR(value(), loss * loss, 1e-10 * loss * loss) << "order " << order;
   }
 }
@@ -65,7 +61,7 @@ TEST_P(ModalFormOf, WithFramesTakenAnewIsTheSquaredLossOfTheMeshAsItIsThen) {
   team_.run([&] { form_->take_frames(); });
   const double anew = value();
   EXPECT_NE(anew, with_old_frames);
-  team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_, weights_); });
+  team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_); });
   EXPECT_EQ(value(), anew);
 }
 
@@ -78,7 +74,7 @@ TEST_P(ModalFormOf, IsTheSameInTheRoomOfAnother) {
   const std::size_t needed = form_->room().size();
   for (const std::size_t size : {needed - 1, needed, needed + 5}) {
     std::vector<double> room(size, std::nan(""));
-    team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_, weights_, room); });
+    team_.run([&] { form_.emplace(problem_, space_, local_wave(mesh_), team_, room); });
     EXPECT_EQ(form_->room().data() == room.data(), size >= needed);
     EXPECT_EQ(form_->gradient(other), own);
     EXPECT_EQ(other, gradient);
