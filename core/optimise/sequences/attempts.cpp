@@ -94,10 +94,20 @@ std::string outcome_text(const Result& result) {
   return std::string(text) + loss;
 }
 
+/// try_other_ways(), with or without the mesh raised by one order as the last attempt.
+OtherWays try_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
+                   Result& result, bool raises_order);
+
 class Attempts {
  public:
-  Attempts(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop, Result& result)
-      : set_up_(set_up), on_iteration_(on_iteration), control_(control), stop_(stop), result_(result) {
+  Attempts(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop, Result& result,
+           bool raises_order)
+      : set_up_(set_up),
+        on_iteration_(on_iteration),
+        control_(control),
+        stop_(stop),
+        result_(result),
+        raises_order_(raises_order) {
     forecast_ = std::exchange(control_.forecast, nullptr);  // of what the ways do by themselves it knows nothing
     control_.checkpoint = {};
     control_.checkpoint_due = nullptr;
@@ -129,7 +139,7 @@ class Attempts {
     else if (!tried_.empty() && left(result_) > 0)
       result_.notes.push_back("Tried in vain for what is left: " + tried_ + ".");
     OtherWays ways{true, {}};
-    if (leaves_hope(result_)) ways.left_at_next_order = left_at_next_order();
+    if (raises_order_ && leaves_hope(result_)) ways.left_at_next_order = left_at_next_order();
     finish();
     return ways;
   }
@@ -213,12 +223,14 @@ class Attempts {
     };
     RunControl control = control_;
     control.mesh_wanted = nullptr;  // only the best of them is handed out
-    // Larger patches take most of the time of a run, and the run before has untangled them in vain.
-    control.shallow_untangling = control.shallow_untangling || options.objective == Objective::Energy;
+    // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
+    const bool is_short = work_of_each_ <= kLeastWork;
+    control.shallow_untangling = control.shallow_untangling || (options.objective == Objective::Energy && !is_short);
     Result result = Run(**prepared, pass_on, control, stop_).go();
-    // Objective::Worst ends no lower than the default, attempts included, if all cells are valid.
-    if (options.objective != set_up_.options.objective && order == 0)
-      try_other_ways(**prepared, pass_on, control_, stop_, result);
+    // Objective::Worst ends no lower than the default, attempts included, if all cells are valid. And what is said of
+    // the next order is what the default reaches there.
+    if (options.objective != set_up_.options.objective || order != 0)
+      try_ways(**prepared, pass_on, control_, stop_, result, false);
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;
     result_.proof_seconds += result.proof_seconds;
@@ -291,8 +303,18 @@ class Attempts {
   Stopwatch watch_;
   double work_ = 0, most_work_ = 0, work_of_each_ = 0;
   bool stopped_ = false;
+  const bool raises_order_;
   std::string tried_;
 };
+
+OtherWays try_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
+                   Result& result, bool raises_order) {
+  const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result);
+  const bool may = is_wanted && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
+                   !stop.stopped() && result.iterations > 0;
+  if (!may) return {};
+  return Attempts(set_up, on_iteration, control, stop, result, raises_order).run();
+}
 
 }  // namespace
 
@@ -307,11 +329,7 @@ bool leaves_the_way_open(const Options& options) {
 
 OtherWays try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
                          Result& result) {
-  const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result);
-  const bool may = is_wanted && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
-                   !stop.stopped() && result.iterations > 0;
-  if (!may) return {};
-  return Attempts(set_up, on_iteration, control, stop, result).run();
+  return try_ways(set_up, on_iteration, control, stop, result, true);
 }
 
 }  // namespace varimesh
