@@ -51,7 +51,7 @@ class Forecast {
   /// @param another  as it looks now, another descent will follow this one
   void round(double move, double rest, bool another, const State& state);
 
-  /// From `now` on, another way is tried, the first of at most so many.
+  /// Another way begins at `now`. At most `ways` are tried from here on, this one included.
   void other_way(double now, int ways);
 
   /// What follows is not known to the forecast.

@@ -12,7 +12,9 @@ class PastForecasts {
   /// A forecast within this factor of what was left is right, and so is one that is wrong by less than half a second.
   static constexpr double kFactor = 2, kSeconds = 0.5;
 
-  /// At this time after the beginning of the run, it looks as if so many seconds are left.
+  /// Notes a forecast.
+  /// @param now   seconds since the beginning of the run
+  /// @param left  seconds that seem to be left then
   void add(double now, double left);
 
   /// Whether what was said in the last half of the run so far was right for nearly all of that time, if the run ends as

@@ -1,6 +1,6 @@
 // Into how many parts each kernel splits a cell.
 //
-// A thread keeps the numbers of its nodes in registers, of which it has 255: 2 d for each node of the energy (positions
+// A thread has 255 registers, and keeps in them what belongs to its nodes: 2 d for each node of the energy (positions
 // in double precision), 4 d for each of the gradient (positions and sums), 2 d for each of the product (both in single
 // precision). More parts need fewer registers and more exchange.
 #pragma once

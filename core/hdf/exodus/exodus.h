@@ -1,5 +1,5 @@
-// Reads Exodus files, in HDF5 (netCDF-4) or an older kind of netCDF, which MOOSE, Cubit, Sierra and others write. Source:
-// "Exodus: A Finite Element Data Model", SAND92-2137, revised.
+// Reads Exodus files, in HDF5 (netCDF-4) or an older kind of netCDF, which MOOSE, Cubit, Sierra and others write.
+// Source: "Exodus: A Finite Element Data Model", SAND92-2137, revised.
 #pragma once
 
 #include "core/formats/common/format.h"

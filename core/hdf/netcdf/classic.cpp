@@ -39,7 +39,7 @@ Type type_of(std::uint32_t number) {
   return kTypes[number - 1];
 }
 
-/// An unsigned number of so many bytes, the highest first.
+/// An unsigned number of `bytes` bytes, the highest byte first.
 std::uint64_t big_endian(const char* at, std::size_t bytes) {
   std::uint64_t value = 0;
   for (std::size_t i = 0; i < bytes; ++i) value = value << 8U | static_cast<unsigned char>(at[i]);
@@ -176,7 +176,7 @@ class NetcdfFile : public Hdf5Source {
                           first <= INT64_MAX / std::max<std::int64_t>(1, columns);
     if (!is_within || !is_small || out.size() != std::size_t(count * columns) * width)
       fail("has an array of another size than was said");
-    // A text has so many values of one byte.
+    // A text of n bytes counts as n values of one byte.
     const std::size_t values = kind == Kind::Texts ? out.size() : out.size() / width;
     const std::string_view from = values_of(array, std::uint64_t(first) * std::uint64_t(columns), values);
     for (std::size_t i = 0; i < values; ++i) put(from.data() + i * array.type.bytes, array.type, kind, i, out);

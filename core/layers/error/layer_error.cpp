@@ -19,7 +19,7 @@ namespace {
 
 using detail::LayerCell;
 
-/// At most so many profiles: the first is 2⁻⁴⁰ of the layers thick.
+/// The largest number of profiles. With 40, the last is 2³⁹ times as thick as the first.
 constexpr int kMostProfiles = 40;
 /// A profile that has fallen to this at all nodes of a cell is 0 there.
 constexpr double kGone = 1e-9;

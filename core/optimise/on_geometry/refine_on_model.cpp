@@ -51,7 +51,8 @@ std::string full_sentence(std::size_t most_cells) {
 std::string farther_sentence(const SlideReport& report) {
   if (!(report.after.largest > report.before.largest || report.after.rms > report.before.rms)) return "";
   return " The boundary may lie farther from the model now: by at most " + detail::number_text(report.after.largest) +
-         ", and by " + detail::number_text(report.before.largest) + " before; --repair split never does this.";
+         ", and by " + detail::number_text(report.before.largest) +
+         " before. Splits inside the mesh would leave the boundary where it is.";
 }
 
 std::string Refinement::sentence(std::size_t before, std::size_t after) const {

@@ -145,7 +145,7 @@ class Attempts {
   }
 
  private:
-  /// Tells the forecast that another way begins, the first of at most so many.
+  /// Tells the forecast that another way begins, and that at most `ways` are tried from here on, this one included.
   void expect_ways(std::ptrdiff_t ways) const {
     if (forecast_ != nullptr) forecast_->other_way(seconds(), static_cast<int>(ways));
   }

@@ -16,9 +16,10 @@
 
 namespace varimesh {
 
-/// An edge with two surfaces of the geometry on it, each of which goes on at both of its sides. A coarse mesh has such
-/// edges across holes: both sides of the hole have an edge with the same ends, and a mesh has only one of these. So its
-/// nodes cannot lie on both surfaces. If each side gets a vertex of its own between the ends, the sides part.
+/// An edge that lies on two surfaces of the geometry, where the mesh of each surface has elements on both sides of the
+/// edge. A coarse mesh has such edges across holes: both sides of the hole have an edge with the same ends, and a mesh
+/// has only one of these. So its nodes cannot lie on both surfaces. If each side gets a vertex of its own between the
+/// ends, the sides part.
 struct PinchedEdge {
   struct Side {
     int surface = -1;                      ///< Index in Association::geometry.surfaces.

@@ -15,7 +15,7 @@ from collections import Counter
 import gmsh
 import numpy as np
 
-NODES_OF_A_FACE = 60  # so many are projected
+NODES_OF_A_FACE = 60  # at most this number of a face's nodes is projected
 CORNERS = {2: 3, 3: 4}  # of triangles and tetrahedra
 
 

@@ -174,7 +174,7 @@ TEST(NetCdf, SizesThatOverflowAreRefused) {
     says(type + 4 + 8, size, "ends before the values of 'coordx'");
   }
   for (const std::uint64_t size : {kHalf, kAll}) says(length_of(1), size, "has a dimension that is too long");
-  // The number of nodes: coordx has so many values, and connect1 so many in a row.
+  // The number of nodes is the number of values of coordx, and of those in a row of connect1.
   for (const std::uint64_t nodes : {kMost, kMost / 8 + 1, kHalf / 2, kHalf / 4, std::uint64_t{1} << 40U})
     says(length_of(1), nodes, "is damaged");
   // Two such dimensions in an array that is read first.
