@@ -1,6 +1,8 @@
 // The codes, reasons and sentences of all refusals.
 #include "server/refusals.h"
 
+#include "core/base/counted.h"
+
 namespace varimesh::server {
 namespace {
 
@@ -88,7 +90,7 @@ Refusal history_too_large() {
 
 Refusal queue_full(int pending) {
   return refusal(Code::ResourceExhausted, "QUEUE_FULL",
-                 "The queue is full: " + std::to_string(pending) + " jobs are waiting; try again later.", {},
+                 "The queue is full: " + counted(pending, "job is", "jobs are") + " waiting; try again later.", {},
                  kLimitRetrySeconds);
 }
 

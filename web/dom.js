@@ -29,14 +29,18 @@ function prose(text) {
   return text.split(/(--[a-z][a-z-]*[a-z])/).map((part, i) => (i % 2 ? make('span', {class: 'flag'}, part) : part));
 }
 
-/** A table with a caption. Rows are arrays of cells, and a cell is text, a node, or {text, value, class}. */
+/**
+ * A table with a caption. Rows are arrays of cells, and a cell is text, a node, or {text, value, class}. Each cell of the body has
+ * the text of its column's head in data-head, for tables that become lists on narrow screens.
+ */
 function table(caption, head, rows) {
-  const cell = (content, name, scope) => {
-    if (content instanceof Node) return make(name, {scope}, content);
+  const cell = (content, name, scope, column) => {
+    if (content instanceof Node) return make(name, {scope, 'data-head': column}, content);
     const {text, ...attributes} = content !== null && typeof content === 'object' ? content : {text: content};
-    return make(name, {class: attributes.class, 'data-value': attributes.value, scope}, ...prose(String(text ?? '')));
+    return make(name, {class: attributes.class, 'data-value': attributes.value, 'data-head': column, scope}, ...prose(String(text ?? '')));
   };
-  const body = rows.map((row) => make('tr', {}, ...row.map((one, i) => cell(one, i ? 'td' : 'th', i ? undefined : 'row'))));
+  const headOf = (one) => (one !== null && typeof one === 'object' ? one.text : one) || undefined;
+  const body = rows.map((row) => make('tr', {}, ...row.map((one, i) => cell(one, i ? 'td' : 'th', i ? undefined : 'row', headOf(head[i])))));
   const heads = make('tr', {}, ...head.map((one) => cell(one, 'th', 'col')));
   return make('div', {class: 'scrolls', tabindex: 0, role: 'region', 'aria-label': caption},
       make('table', {}, make('caption', {}, caption), make('thead', {}, heads), make('tbody', {}, ...body)));

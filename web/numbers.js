@@ -15,6 +15,9 @@ function grouped(whole) {
   return GROUPS.format(whole);
 }
 
+/** "1 element", "3 elements". `many`: the plural, if it is not `one` with an s. */
+const counted = (count, one, many = `${one}s`) => `${grouped(count)} ${Number(count) === 1 ? one : many}`;
+
 /** Whole numbers with all digits, others with four significant digits, very large or small ones with a power of ten. */
 function readable(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return '–';

@@ -47,11 +47,14 @@ void add_compress_flag(Command command, CommonFlags* flags) {
 }
 
 void add_history_flag(Command command, std::string* path) {
-  command.add("--history", path, "Write all iterations to this file, as comma-separated values").value("FILE.csv");
+  command.add("--history", path, "Write all iterations to this file, as comma-separated values")
+      .or_standard_output()
+      .value("FILE.csv");
 }
 
 void add_report_flag(Command command, std::string* path) {
   command.add("--report", path, "Write an HTML page that shows the mesh, its quality and the convergence")
+      .or_standard_output()
       .value("FILE.html");
 }
 

@@ -30,6 +30,11 @@ std::string name_standard_input(std::string& value) {
   return "";
 }
 
+std::string name_standard_output(std::string& value) {
+  if (value == "-") value = "/dev/stdout";
+  return "";
+}
+
 /// Prints what is wrong with the command line and where to find help.
 int refuse(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
   const std::string unknown = unknown_word(app, words);
@@ -121,6 +126,11 @@ Flag& Flag::utf8() {
 
 Flag& Flag::or_standard_input() {
   option_->transform(CLI::Validator(name_standard_input, "", "file"));
+  return *this;
+}
+
+Flag& Flag::or_standard_output() {
+  option_->transform(CLI::Validator(name_standard_output, "", "file"));
   return *this;
 }
 

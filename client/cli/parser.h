@@ -45,8 +45,9 @@ class Flag {
   Flag& positive();
   Flag& not_negative();
   Flag& one_of(const std::vector<std::string>& words);
-  Flag& utf8();               ///< Nothing else can be sent.
-  Flag& or_standard_input();  ///< A file, or "-" for standard input.
+  Flag& utf8();                ///< Nothing else can be sent.
+  Flag& or_standard_input();   ///< A file, or "-" for standard input.
+  Flag& or_standard_output();  ///< Files, or "-" for standard output.
 
  private:
   CLI::Option* option_;

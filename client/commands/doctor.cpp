@@ -21,11 +21,13 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
+#include "core/base/counted.h"
 #include "core/base/version.h"
 #include "core/device/card.h"
 #include "core/device_kernels/self_check.h"
 #include "core/geometry/cad_reader.h"
 #include "core/process/helper_program.h"
+#include "core/solvers/newton/device_check.h"
 
 namespace varimesh::client {
 namespace {
@@ -88,8 +90,9 @@ Finding cad_plugin() {
 /// Whether the first card computes what the processor computes.
 Finding kernels(const device::Driver& driver) {
   const auto card = driver.use();
-  const auto checked = card ? device::check_kernels(**card) : tl::unexpected(card.error());
-  if (checked) return {"device kernels", "compute the processor's bits (no command uses a device yet)", ""};
+  auto checked = card ? device::check_kernels(**card) : tl::unexpected(card.error());
+  if (checked) checked = check_newton(**card);
+  if (checked) return {"device kernels", "compute the processor's bits", ""};
   const bool broken =
       checked.error().kind == device::Fault::Kind::BadKernels || checked.error().kind == device::Fault::Kind::Lost;
   return broken ? Finding{"device kernels", "do not work", checked.error().sentence}
@@ -122,9 +125,9 @@ Finding server(const std::string& address, const Credentials& credentials) {
   const auto info = client->info();
   if (!info) return {"server", address, info.error().sentence};
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - started;
-  std::string found =
-      fmt::format("{}, version {}, {} threads, {} jobs running, {} waiting, answered in {:.0f} ms", address,
-                  info->version(), info->limits().threads(), info->running_jobs(), info->pending_jobs(), took.count());
+  std::string found = fmt::format("{}, version {}, {}, {} running, {} waiting, answered in {:.0f} ms", address,
+                                  info->version(), counted(info->limits().threads(), "thread"),
+                                  counted(info->running_jobs(), "job"), info->pending_jobs(), took.count());
   const std::string own(version());
   const bool same = info->version().substr(0, info->version().rfind('.')) == own.substr(0, own.rfind('.'));
   return {"server", found,

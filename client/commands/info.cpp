@@ -7,19 +7,29 @@
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
 #include "client/process/exit_status.h"
+#include "core/device/card.h"
 #include "core/process/helper_program.h"
 
 namespace varimesh::client {
 namespace {
+
+/// The card that runs of this command may have; empty: there is none.
+std::string first_card() {
+  const auto driver = device::Driver::open();
+  const auto cards = driver ? driver->cards() : tl::unexpected(driver.error());
+  return cards ? cards->front().name : "";
+}
 
 int info(const CommonFlags& flags) {
   const auto connection = connect(flags);
   if (!connection) return connection.error();
   auto answer = connection->client->info();
   if (!answer) return print_error(answer.error());
-  // Without a server, the command itself slides nodes on CAD files.
-  if (flags.server.empty())
+  // Without a server, the command itself slides nodes on CAD files and uses a card.
+  if (flags.server.empty()) {
     answer->set_takes_geometries(!find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE").empty());
+    answer->set_device(first_card());
+  }
   const Json entries = document(*answer);
   if (flags.json) {
     print(entries);
@@ -27,6 +37,7 @@ int info(const CommonFlags& flags) {
   }
   for (const auto& [key, value] : entries.items()) {
     std::string text = value.is_string() ? value.get<std::string>() : "";
+    if (value == "") text = "none";
     if (value.is_array())
       for (const auto& one : value) text += (text.empty() ? "" : ", ") + one.get<std::string>();
     std::cout << fmt::format("{:<27}{}\n", key, text.empty() ? value.dump() : text);

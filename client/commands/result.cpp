@@ -43,7 +43,8 @@ Action add_result(Command program) {
   add_job_argument(command, &arguments->job);
   command.add("-o,--output", &arguments->outputs, "Write the result to this file; may be repeated")
       .value("OUT")
-      .one_value_each();
+      .one_value_each()
+      .or_standard_output();
   command.add("--format", &arguments->format, "One of the formats of the job; default: that of the input")
       .value("NAME");
   add_history_flag(command, &arguments->history);

@@ -189,6 +189,7 @@ Json document(const v1::Metrics& metrics) {
   }
   if (metrics.has_left()) result["left"] = left_document(metrics.left());
   if (!metrics.kept_as_it_came().empty()) result["kept_as_it_came"] = metrics.kept_as_it_came();
+  if (!metrics.device().empty()) result["device"] = metrics.device();
   return result;
 }
 
@@ -294,6 +295,7 @@ Json document(const v1::GetServerInfoResponse& info) {
           {"input_formats", inputs},
           {"output_formats", outputs},
           {"takes_geometries", info.takes_geometries()},
+          {"device", info.device()},
           {"energies", energies}};
 }
 

@@ -112,6 +112,14 @@ std::string doing(const std::filesystem::path& log) {
   return "";
 }
 
+/// Where gmsh was when its time was over, and what to do.
+std::string where_it_hangs(const std::filesystem::path& log) {
+  const std::string last = doing(log), advice = " Take a larger --size, or a longer --time-limit";
+  if (last.empty()) return advice + ".";
+  return " It was still at: " + last + "." + advice +
+         "; if that does not help, look whether the model crosses itself there, mend it, and export it again.";
+}
+
 /// The ending by which gmsh knows the format of a model: that of the path if gmsh has it, or else STEP's. Nothing else
 /// of the path may stand in a script, where a name can be a command.
 std::string ending_of(const std::filesystem::path& model) {
@@ -128,20 +136,31 @@ bool link_or_copy(const std::filesystem::path& model, const std::filesystem::pat
   return !failed || std::filesystem::copy_file(model, link, failed);
 }
 
+/// A model that is longer than this along an axis is meshed in a unit that is a thousand times as large: gmsh 4.8 makes
+/// triangles that are nearly flat of one whose coordinates are millions.
+constexpr const char* kLargest = "1e5";
+
 /// A script that makes gmsh read the model. If it is wanted, and there are several bodies, or faces that bound none, it
 /// cuts them where they touch and writes the pieces.
 bool write_script(const Names& names, bool joins_bodies) {
+  const std::string merge = "Merge \"" + names.link.filename().string() + "\";\n";
   std::ofstream file(names.script);
-  file
-      << "SetFactory(\"OpenCASCADE\");\nMerge \"" << names.link.filename().string()
-      << "\";\nbodies() = Volume{:};\nfaces() = Surface{:};\nIf (#bodies() == 0 && #faces() == 0)\n  Error(\"The model "
-      << kNoFaces << "\");\n  Abort;\nEndIf\n";
+  file << "SetFactory(\"OpenCASCADE\");\n"
+       << merge
+       << "bodies() = Volume{:};\nfaces() = Surface{:};\nIf (#bodies() == 0 && #faces() == 0)\n  Error(\"The model "
+       << kNoFaces << "\");\n  Abort;\nEndIf\nparts = 1;\n";
   // Coherence fails if a face lies on a body without being one of its sides, and the other command takes longer.
   if (joins_bodies)
     file << "sides() = {};\nIf (#bodies() > 0)\n  sides() = Abs(Boundary{ Volume{:}; });\nEndIf\n"
-            "faces() -= sides();\nIf (#bodies() + #faces() > 1)\n  If (#faces() == 0)\n    Coherence;\n  Else\n"
-            "    BooleanFragments{ Volume{:}; Delete; }{ Surface{:}; Delete; }\n  EndIf\n  Printf(\""
+            "faces() -= sides();\nparts = #bodies() + #faces();\nIf (parts > 1)\n  If (#faces() == 0)\n    Coherence;\n"
+            "  Else\n    BooleanFragments{ Volume{:}; Delete; }{ Surface{:}; Delete; }\n  EndIf\n  Printf(\""
          << kCut << "\");\n  Save \"" << names.pieces.filename().string() << "\";\nEndIf\n";
+  file << "BoundingBox;\nlength = Max(General.MaxX - General.MinX, Max(General.MaxY - General.MinY, General.MaxZ - "
+          "General.MinZ));\nIf (parts == 1 && length > "
+       << kLargest
+       << ")\n  Delete Model;\n  Geometry.OCCScaling = 1e-3;\n  Mesh.ScalingFactor = 1e3;\n"
+          "  Mesh.MeshSizeMax = Mesh.MeshSizeMax / 1e3;\n  "
+       << merge << "EndIf\n";
   return file.flush().good();
 }
 
@@ -186,9 +205,8 @@ Expected<std::string> mesh_with_gmsh(const GmshOptions& options, const std::file
                   {options.most_seconds, options.on_progress ? std::function<void()>(tell) : std::function<void()>()});
   if (end.way == ProgramEnd::Way::Interrupted) return bad_input("");
   if (end.way == ProgramEnd::Way::TimeIsOver)
-    return bad_input(fmt::format(
-        "{} had not meshed '{}' after {:.3g} s, the time limit; take a larger --size, or a longer --time-limit.", gmsh,
-        options.model, options.most_seconds));
+    return bad_input(fmt::format("{} had not meshed '{}' after {:.3g} s, the time limit.{}", gmsh, options.model,
+                                 options.most_seconds, where_it_hangs(log)));
   if (end.way == ProgramEnd::Way::NotStarted)
     return bad_option("'" + gmsh + "' cannot be started (" + std::system_category().message(end.status) + ").");
   if (end.way != ProgramEnd::Way::Exited || end.status != 0)

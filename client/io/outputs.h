@@ -28,7 +28,8 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
 /// be empty. Errors: BadOption, Output.
 Expected<void> check_distinct(const std::vector<Output>& outputs, const std::vector<std::string>& others, bool json);
 
-/// Whether one of the outputs is standard output. It is not if standard output is a device that discards everything.
+/// Whether one of the outputs is standard output. Their paths may be empty. It is not if standard output is a device
+/// that discards everything.
 bool any_is_standard_output(const std::vector<Output>& outputs);
 
 /// The formats of the outputs, each once.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/cli/names.h"
+#include "core/base/counted.h"
 #include "core/command_line/facts.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/options/option_table.h"
@@ -16,14 +17,14 @@ namespace varimesh::client {
 namespace {
 
 std::string sizes(int dimension, int order, std::int64_t elements, std::int64_t nodes, std::int64_t free_nodes) {
-  return fmt::format("{}-D mesh of order {}: {} elements, {} nodes, {} of them free to move\n", dimension, order,
-                     elements, nodes, free_nodes);
+  return fmt::format("{}-D mesh of order {}: {}, {}, {} of them free to move\n", dimension, order,
+                     counted(elements, "element"), counted(nodes, "node"), free_nodes);
 }
 
 std::string sizes(const MeshSummary& mesh, bool is_surface) {
   if (!is_surface) return sizes(mesh.dimension, mesh.order, mesh.elements, mesh.nodes, mesh.free_nodes);
-  return fmt::format("surface in space of order {}: {} elements, {} nodes; each element is judged along its normal\n",
-                     mesh.order, mesh.elements, mesh.nodes);
+  return fmt::format("surface in space of order {}: {}, {}; each element is judged along its normal\n", mesh.order,
+                     counted(mesh.elements, "element"), counted(mesh.nodes, "node"));
 }
 
 /// The sentences of the first few groups of unrepairable elements, or steps of repair. `what` names them in the plural.
@@ -56,9 +57,7 @@ std::string histogram(const QualityReport& quality) {
   return text;
 }
 
-std::string iterations_text(const v1::Metrics& metrics) {
-  return fmt::format("{} {}", metrics.iterations(), metrics.iterations() == 1 ? "iteration" : "iterations");
-}
+std::string iterations_text(const v1::Metrics& metrics) { return counted(metrics.iterations(), "iteration"); }
 
 /// Why the run ended.
 std::string ending(const v1::Metrics& metrics) {
@@ -170,6 +169,7 @@ std::string verdict(const v1::Metrics& metrics) {
   const v1::Certified& certified = metrics.after().certified();
   const std::int64_t others = certified.invalid() + certified.undecided(), all = certified.valid() + others;
   if (all == 0) return "";
+  if (all == 1 && others == 1) return "the element is not certified valid\n";
   return others == 0 ? "every element is certified valid\n"
                      : fmt::format("{} of {} elements are certified valid, {} {} not\n", certified.valid(), all, others,
                                    others == 1 ? "is" : "are");
@@ -286,6 +286,8 @@ std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
                      metrics.residual(), ending(metrics)) +
          objective + (objective.empty() ? "" : "\n") + verdict(metrics) + figures(metrics) + worse +
          (worse.empty() ? "" : "\n") + (metrics.layers().has_thick() ? layers_text(metrics.layers()) : "") +
+         (metrics.device().empty() ? ""
+                                   : "Steps of Newton's method were made on the device " + metrics.device() + ".\n") +
          joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +

@@ -39,6 +39,14 @@ int print_end(const v1::Job& job, const Delivery& delivery) {
   return kJobFailed;
 }
 
+/// Where the summary goes: standard error if a file that is written is standard output.
+std::ostream& place_of_summary(const Delivery& delivery) {
+  std::vector<Output> written = delivery.outputs;
+  written.push_back({delivery.history});
+  written.push_back({delivery.report});
+  return any_is_standard_output(written) ? std::cerr : std::cout;
+}
+
 /// Says that an interrupt ended the job, or came after its end, and what was written.
 void print_interruption(const v1::Job& job, bool was_cut_short, const std::vector<Output>& outputs) {
   std::string written;
@@ -85,7 +93,7 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   if (flags.json)
     print(document(job.metrics()));
   else if (!flags.quiet)
-    (any_is_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics(), job.spec().options());
+    place_of_summary(delivery) << summary(job.metrics(), job.spec().options());
   const v1::Certified& certified = job.metrics().after().certified();
   const int status = status_with_layers(job, print_uncertified(certified.invalid(), certified.undecided()));
   if (!interrupted() || delivery.outputs.empty()) return status;

@@ -21,8 +21,8 @@ struct Delivery {
 };
 
 /// Fetches the outputs, the history and the report, prints the JSON document or the summary, and returns the exit
-/// status. If the job did not succeed, it prints why. The summary goes to standard error if an output is standard
-/// output.
+/// status. If the job did not succeed, it prints why. The summary goes to standard error if an output, the history or
+/// the report is standard output.
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags);
 
 /// If a job has ended without the layers that it was to make, says so, and returns the exit status for that unless the

@@ -5,6 +5,7 @@
 #include "client/local/local_meshes.h"
 #include "core/base/machine_memory.h"
 #include "core/geometry/load.h"
+#include "core/optimise/device/device_choice.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/layer_messages.h"
 #include "server/engine/option_messages.h"
@@ -48,7 +49,10 @@ server::Engine engine_with_models() {
         return outcome;
       }
     }
-    return run(std::move(request), hooks);
+    // The jobs are those of this command, in its own process, so they may have the machine's card.
+    server::RunHooks with_card = hooks;
+    with_card.control.open_device = open_first_card;
+    return run(std::move(request), with_card);
   };
   return engine;
 }

@@ -1,8 +1,10 @@
 #include "client/runs/failed_surfaces.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <set>
+#include <system_error>
 #include <vector>
 
 #include "core/formats/formats.h"
@@ -36,6 +38,8 @@ std::map<int, std::string> names_of(const v1::GeometryReport& geometry) {
 }  // namespace
 
 std::string failed_surfaces(const std::string& path, const v1::GeometryReport& geometry) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return "";
   const auto file = formats::read_file(path);
   if (!file || file->mesh.dimension != 3 || !check_judgeable(file->mesh)) return "";
   const std::vector<std::int64_t> failed = uncertified_numbers(quality(file->mesh, 0, kAllThreads));
@@ -66,7 +70,7 @@ std::string failed_surfaces(const std::string& path, const v1::GeometryReport& g
   std::string sentence = "The elements that are not certified valid";
   sentence += order.empty() ? " touch no surface" : " touch these surfaces (in brackets, how many do): " + text;
   if (inside > 0 && !order.empty()) sentence += "; " + std::to_string(inside) + " touch none";
-  return sentence + ". Smaller elements there may help.";
+  return sentence + ". Smaller elements there may help, unless the model has a cusp there.";
 }
 
 }  // namespace varimesh::client

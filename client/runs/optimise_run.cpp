@@ -189,7 +189,8 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
       .add("-o,--output", &arguments->outputs,
            "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm); may be repeated")
       .value("OUT")
-      .one_value_each();
+      .one_value_each()
+      .or_standard_output();
   command.add("--format", &arguments->format, "Format of the .msh outputs; default: that of the input").value("NAME");
   add_history_flag(command, &arguments->history);
   add_report_flag(command, &arguments->report);

@@ -11,7 +11,7 @@ namespace varimesh::client {
 namespace {
 
 void print_summary(const QualityArguments& arguments, const JudgedMesh& judged) {
-  std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
+  std::ostream& out = any_is_standard_output({{arguments.output}, {arguments.report}}) ? std::cerr : std::cout;
   out << summary(judged.mesh, judged.quality);
   if (!arguments.diagnose) return;
   if (judged.groups.empty() && !judged.quality.is_surface) out << "found no elements that moving nodes cannot repair\n";

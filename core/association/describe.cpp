@@ -2,6 +2,7 @@
 
 #include "core/association/association.h"
 #include "core/association/match.h"
+#include "core/base/counted.h"
 
 namespace varimesh {
 namespace {
@@ -36,7 +37,8 @@ std::string parameters_text(const HighOrderMesh& mesh, const Association& associ
       "The parameters in the file lead to " + std::to_string(association.by_parameters) + " of these nodes";
   if (association.misled.empty()) return text + ".";
   const std::size_t count = association.misled.size();
-  text += ", but not to " + std::to_string(count) + " others, which were projected (node ";
+  text += ", but not to " + counted(std::int64_t(count), "other") + ", which " + (count == 1 ? "was" : "were") +
+          " projected (node ";
   for (std::size_t i = 0; i < std::min(kShown, count); ++i)
     text += (i > 0 ? ", " : "") + std::to_string(mesh.node_numbers[static_cast<std::size_t>(association.misled[i])]);
   return text + (count > kShown ? ", \u2026)." : ").");
@@ -80,18 +82,21 @@ std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& 
   std::size_t unmatched = 0;
   for (const SurfaceMatch& match : association.matches)
     if (match.on_none > 0 && ++unmatched <= kShown) sentences.push_back(unmatched_text(association, match));
-  if (unmatched > kShown) sentences.push_back("and " + std::to_string(unmatched - kShown) + " more surfaces.");
+  if (unmatched > kShown) sentences.push_back("and " + counted(std::int64_t(unmatched - kShown), "more surface") + ".");
   if (!association.held.empty())
-    sentences.push_back(std::to_string(association.held.size()) +
-                        " boundary nodes belong to no entity for sure and stay where they are, node " +
+    sentences.push_back(counted(std::ssize(association.held), "boundary node") +
+                        (association.held.size() == 1
+                             ? " belongs to no entity for sure and stays where it is: node "
+                             : " belong to no entity for sure and stay where they are, node ") +
                         std::to_string(mesh.node_numbers[static_cast<std::size_t>(association.held.front())]) +
-                        " among them.");
+                        (association.held.size() == 1 ? "." : " among them."));
   std::ranges::sort(off);
   for (std::size_t i = 0; i < std::min(kShown, off.size()); ++i)
     sentences.push_back("Node " + std::to_string(mesh.node_numbers[off[i].second]) + " is " +
                         number_text(-off[i].first) + " from " +
                         entity_text(association, association.nodes[off[i].second]) + "; --snap moves it there.");
-  if (off.size() > kShown) sentences.push_back("and " + std::to_string(off.size() - kShown) + " more such nodes.");
+  if (off.size() > kShown)
+    sentences.push_back("and " + counted(std::int64_t(off.size() - kShown), "more such node") + ".");
   return sentences;
 }
 

@@ -24,16 +24,23 @@ Number count_up(Number& number, const Team& team) {
   return std::atomic_ref(number).fetch_add(1, std::memory_order_relaxed);
 }
 
-/// Lowers a number that several threads of the team may lower to `value`, if it is above it.
-inline void lower_to(std::int32_t& number, std::int32_t value, const Team& team) {
-  if (team.threads() == 1) {
-    number = std::min(number, value);
-    return;
-  }
+/// Lowers a number that several threads of the team may lower to `value`, if it is above it, and returns what it was.
+/// The final number does not depend on the order.
+inline std::int32_t lower_to(std::int32_t& number, std::int32_t value, const Team& team) {
+  if (team.threads() == 1) return std::exchange(number, std::min(number, value));
   std::atomic_ref shared(number);
   std::int32_t seen = shared.load(std::memory_order_relaxed);
   while (value < seen && !shared.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
   }
+  return seen;
+}
+
+/// Turns counts into where each begins: numbers[i] becomes the sum of all before it, and the sum of all is returned.
+template <class Number>
+Number sums_before(std::vector<Number>& numbers) {
+  Number sum = 0;
+  for (Number& number : numbers) sum += std::exchange(number, sum);
+  return sum;
 }
 
 /// The number of chunks of `size` items that `count` items make; the last one may be shorter.
@@ -63,6 +70,36 @@ std::size_t first_of(const Team& team, std::size_t count, std::size_t grain, con
     }
   });
   return first;
+}
+
+/// How many i < count there are for which is(i) is true. is() is called once for each i. `grain`: as in Team. Call it
+/// inside team.run().
+template <class Is>
+std::int64_t count_where(const Team& team, std::size_t count, std::size_t grain, const Is& is) {
+  std::atomic<std::int64_t> found{0};
+  team.for_ranges(count, grain, [&](std::size_t begin, std::size_t end) {
+    std::int64_t mine = 0;
+    for (std::size_t i = begin; i < end; ++i) mine += is(i) ? 1 : 0;
+    found.fetch_add(mine, std::memory_order_relaxed);
+  });
+  return found;
+}
+
+/// Those i, ascending. Call it inside team.run().
+template <class Is>
+std::vector<std::int32_t> indices_where(const Team& team, std::size_t count, std::size_t grain, const Is& is) {
+  std::vector<std::size_t> next(chunks_of(count, grain) + 1, 0);  // by chunk: how many, then where they begin
+  for_chunks(team, count, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) next[chunk] += is(i) ? 1 : 0;
+  });
+  std::vector<std::int32_t> indices(sums_before(next));
+  if (indices.empty()) return indices;
+  for_chunks(team, count, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    std::size_t place = next[chunk];
+    for (std::size_t i = begin; i < end && place < next[chunk + 1]; ++i)
+      if (is(i)) indices[place++] = static_cast<std::int32_t>(i);
+  });
+  return indices;
 }
 
 /// How many of the first n numbers of two merged sorted ranges come from `left`. The numbers are all different.
@@ -123,14 +160,6 @@ UntouchedVector<T> shared_copy(const std::vector<T>& from, const Team& team) {
   UntouchedVector<T> to(from.size());
   shared_copy<T>(from, to, team);
   return to;
-}
-
-/// Turns counts into where each begins: numbers[i] becomes the sum of all before it, and the sum of all is returned.
-template <class Number>
-Number sums_before(std::vector<Number>& numbers) {
-  Number sum = 0;
-  for (Number& number : numbers) sum += std::exchange(number, sum);
-  return sum;
 }
 
 /// Works on pieces that must be taken in order. next() returns the next piece, or nothing after the last one;

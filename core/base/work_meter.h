@@ -62,12 +62,13 @@ class WorkMeter {
 
   /// This much more is done. Several threads may call it at the same time. It costs a reading of the clock.
   void add(std::int64_t amount = 1) {
-    const std::int64_t done = done_.fetch_add(amount, std::memory_order_relaxed) + amount;
+    done_.fetch_add(amount, std::memory_order_relaxed);
     const Clock::rep now = Clock::now().time_since_epoch().count();
     Clock::rep due = due_.load(std::memory_order_relaxed);
     if (now < due || !due_.compare_exchange_strong(due, now + Clock::duration(kInterval).count())) return;
     const std::unique_lock lock(reporting_, std::try_to_lock);
-    if (lock) report_({activity_, done, of_, groups_left_, seconds_left(now)});
+    // A thread that waited for a processor since it added would report less than others have reported meanwhile.
+    if (lock) report_({activity_, done_.load(std::memory_order_relaxed), of_, groups_left_, seconds_left(now)});
   }
 
   /// The kernels have done this. Several threads may call it at the same time, once for a loop over many cells.

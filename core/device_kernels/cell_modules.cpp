@@ -6,7 +6,8 @@
 
 #ifdef VARIMESH_CARD_KERNELS
 namespace varimesh::device::ptx {
-extern const std::string_view tetrahedra_2, tetrahedra_3, tetrahedra_4, tetrahedra_5, general_2d, general_3d;
+extern const std::string_view tetrahedra_2, tetrahedra_3, tetrahedra_4, tetrahedra_5, general_2d, general_3d, solver_2d,
+    solver_3d;
 }
 #endif
 
@@ -40,10 +41,14 @@ const Row kGeneral[] = {
     {Shape::Point, 0, "of cells in space", cpu_general_3d, ON_CARD(general_3d)},
 };
 
+std::span<const unsigned char> packed(const std::string_view* ptx) {
+  return ptx == nullptr ? std::span<const unsigned char>()
+                        : std::span(reinterpret_cast<const unsigned char*>(ptx->data()), ptx->size());
+}
+
 KernelImage image_of(const Row& row, const Material& material) {
   KernelImage image{row.name, {}, row.cpu(material)};
-  if (row.card != nullptr && material.energy == Energy::Hyperelastic)
-    image.packed = {reinterpret_cast<const unsigned char*>(row.card->data()), row.card->size()};
+  if (material.energy == Energy::Hyperelastic) image.packed = packed(row.card);
   return image;
 }
 
@@ -57,6 +62,11 @@ std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& 
 
 KernelImage general_kernels(int dimension, const Material& material) {
   return image_of(kGeneral[dimension - 2], material);
+}
+
+KernelImage solver_kernels(int dimension) {
+  if (dimension == 2) return {"of Newton's method in the plane", packed(ON_CARD(solver_2d)), cpu_solver_2d()};
+  return {"of Newton's method in space", packed(ON_CARD(solver_3d)), cpu_solver_3d()};
 }
 
 }  // namespace varimesh::device

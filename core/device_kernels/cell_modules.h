@@ -17,4 +17,7 @@ std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& 
 /// The kernels for all other cells in 2 or 3 dimensions.
 KernelImage general_kernels(int dimension, const Material& material);
 
+/// The kernels of Newton's method besides those of the cells (kernels/solver_kernels.h).
+KernelImage solver_kernels(int dimension);
+
 }  // namespace varimesh::device

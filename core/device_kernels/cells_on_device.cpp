@@ -39,13 +39,18 @@ Possible<void> CellsOnDevice::copy_sets() {
   std::size_t first = 0;
   for (const CellSet& set : problem_.sets) {
     const auto own = set.affine ? cell_kernels(set.shape, set.order, material_) : std::nullopt;
-    const auto module = module_of(own ? *own : general_kernels(set.dimension, material_));
+    const KernelImage of_any_cell = general_kernels(set.dimension, material_);
+    const auto module = module_of(own ? *own : of_any_cell);
+    if (!module && module.error().kind == Fault::Kind::NoKernels && material_.energy != Energy::Hyperelastic)
+      return fault(Fault::Kind::NoKernels, "A card has kernels of the hyperelastic energy only.");
     if (!module) return tl::unexpected(module.error());
+    const auto general = module_of(of_any_cell);
+    if (!general) return tl::unexpected(general.error());
     if (own)
       sets_.push_back(std::make_unique<SplitCells>(device_, set, material_, first, rank_of_));
     else
       sets_.push_back(std::make_unique<GeneralCells>(device_, set, material_, first, rank_of_));
-    if (auto done = sets_.back()->copy(**module); !done) return done;
+    if (auto done = sets_.back()->copy(**module, **general); !done) return done;
     first += sets_.back()->contributions();
   }
   auto room = device_.allocate(first * 2 * static_cast<std::size_t>(problem_.dimension) * sizeof(float));
@@ -88,6 +93,7 @@ Possible<void> CellsOnDevice::copy_nodes() {
     if (!made) return tl::unexpected(made.error());
     *buffer = std::move(*made);
   }
+  if (done) done = direction_.upload(std::span<const float>(std::vector<float>((free + 1) * d)));
   return done;
 }
 
@@ -117,7 +123,7 @@ SumArguments CellsOnDevice::sum_arguments() const {
   sums.direction = direction_.as<const float>();
   sums.product = product_.as<float>();
   sums.gradient = gradient_.as<double>();
-  sums.along = along_.as<double>();
+  sums.along = parts_ != nullptr ? parts_ : along_.as<double>();
   return sums;
 }
 
@@ -133,32 +139,59 @@ Possible<std::vector<CellScan>> CellsOnDevice::scan() {
   return scans;
 }
 
-Possible<void> CellsOnDevice::run_gradient(std::span<double> gradient, bool keeps) {
-  if (gradient.empty()) return {};
+Possible<void> CellsOnDevice::run_gradient(bool keeps, double scale) {
   Possible<void> done;
   for (const auto& set : sets_)
     if (done) done = set->gradient(shared(), keeps);
   for (const auto& set : sets_)
     if (done && keeps) done = set->keep_cell_gradients(shared());
   SumArguments sums = sum_arguments();
-  if (done) done = device_.launch(add_up_gradients_, {sums.nodes, kBlock, 0}, &sums);
-  if (done) done = gradient_.download(gradient);
+  sums.scale = scale;
+  if (done && sums.nodes > 0) done = device_.launch(add_up_gradients_, {sums.nodes, kBlock, 0}, &sums);
   return done;
 }
 
-Possible<double> CellsOnDevice::multiply(std::span<const float> direction, std::span<float> product) {
-  if (direction.empty()) return 0.0;
-  std::vector<float> padded(direction.begin(), direction.end());
-  padded.resize(direction.size() + static_cast<std::size_t>(problem_.dimension));  // zeros for the fixed nodes
-  Possible<void> done = direction_.upload(std::span<const float>(padded));
+Possible<void> CellsOnDevice::gradient(std::span<double> gradient) {
+  const Possible<void> done = run_gradient(false);
+  return done ? gradient_.download(gradient) : done;
+}
+
+Possible<void> CellsOnDevice::linearise(std::span<double> gradient) {
+  const Possible<void> done = run_gradient(true);
+  return done ? gradient_.download(gradient) : done;
+}
+
+Possible<void> CellsOnDevice::run_node_blocks() {
+  Possible<void> done;
+  for (const auto& set : sets_)
+    if (done) done = set->node_blocks(shared());
+  return done;
+}
+
+Possible<void> CellsOnDevice::run_mean_tensors() {
+  Possible<void> done;
+  for (const auto& set : sets_)
+    if (done) done = set->mean_tensors(shared());
+  return done;
+}
+
+Possible<void> CellsOnDevice::run_product() {
+  Possible<void> done;
   for (const auto& set : sets_)
     if (done) done = set->product(shared());
   for (const auto& set : sets_)
     if (done) done = set->add_norm_term(shared());
   SumArguments sums = sum_arguments();
-  const Launch launch{sums.nodes, kBlock, kBlock * static_cast<int>(sizeof(double))};
-  if (done) done = device_.launch(add_up_products_, launch, &sums);
-  std::vector<double> along(static_cast<std::size_t>(launch.blocks()));
+  if (done && sums.nodes > 0)
+    done = device_.launch(add_up_products_, {sums.nodes, kBlock, kBlock * static_cast<int>(sizeof(double))}, &sums);
+  return done;
+}
+
+Possible<double> CellsOnDevice::multiply(std::span<const float> direction, std::span<float> product) {
+  if (direction.empty()) return 0.0;
+  Possible<void> done = direction_.upload(direction);
+  if (done) done = run_product();
+  std::vector<double> along(along_.bytes() / sizeof(double));
   if (done) done = product_.download(product);
   if (done) done = along_.download(std::span<double>(along));
   if (!done) return tl::unexpected(done.error());

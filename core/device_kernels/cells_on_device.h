@@ -35,20 +35,43 @@ class CellsOnDevice {
   ///                    (PNorm::curvature); none: the sum of the energies
   Possible<void> weigh(std::span<const double> curvatures = {});
 
+  // === From memory of this machine, and back to it ===
   /// The scans of all cells, by number.
   Possible<std::vector<CellScan>> scan();
   /// The gradient, d numbers per free node.
-  Possible<void> gradient(std::span<double> gradient) { return run_gradient(gradient, false); }
+  Possible<void> gradient(std::span<double> gradient);
   /// The same, bit for bit, and keeps what products need.
-  Possible<void> linearise(std::span<double> gradient) { return run_gradient(gradient, true); }
+  Possible<void> linearise(std::span<double> gradient);
   /// product = Hessian times direction, after linearise(); returns direction · product. Both have d floats per free
   /// node.
   Possible<double> multiply(std::span<const float> direction, std::span<float> product);
 
+  // === On the device: nothing is copied ===
+  /// gradient_there() ← the gradient times `scale`. With `keeps` it is linearise().
+  Possible<void> run_gradient(bool keeps, double scale = 1);
+  /// product_there() ← Hessian times direction_there(). Leaves direction · product in parts: one for each kBlock nodes.
+  Possible<void> run_product();
+  /// After a gradient that keeps: the contributions become the nodes' own blocks of the cells' Hessians, lower
+  /// triangles by rows.
+  Possible<void> run_node_blocks();
+  /// After a gradient that keeps: SetOnDevice::tensors() become the cells' mean tensors.
+  Possible<void> run_mean_tensors();
+
+  Buffer& positions_there() { return positions_; }
+  /// d per free node, then d zeros for the fixed ones.
+  Buffer& direction_there() { return direction_; }
+  Buffer& product_there() { return product_; }
+  Buffer& gradient_there() { return gradient_; }
+  /// Where run_product() leaves its parts; null: in memory of its own.
+  void leave_parts_in(double* parts) { parts_ = parts; }
+  /// What sums over the cells of each node are made of.
+  SumArguments sum_arguments() const;
+  SharedArrays shared() const;
+
   /// Bytes on the device.
   std::size_t memory() const;
 
-  // For tests: the sets, and the contributions of all sets to the last sum.
+  /// The sets, and the contributions of all sets to the last sum.
   const std::vector<std::unique_ptr<SetOnDevice>>& sets() const { return sets_; }
   const Buffer& contributions() const { return contributions_; }
 
@@ -61,9 +84,6 @@ class CellsOnDevice {
   Possible<void> copy_nodes();
   /// The module of an image, loaded once.
   Possible<const Module*> module_of(const KernelImage& image);
-  SharedArrays shared() const;
-  SumArguments sum_arguments() const;
-  Possible<void> run_gradient(std::span<double> gradient, bool keeps);
 
   Device& device_;
   const Problem& problem_;
@@ -73,6 +93,7 @@ class CellsOnDevice {
   std::vector<std::unique_ptr<SetOnDevice>> sets_;
   Kernel add_up_products_, add_up_gradients_;
   Buffer positions_, contributions_, offsets_, places_, direction_, product_, gradient_, along_;
+  double* parts_ = nullptr;
 };
 
 }  // namespace varimesh::device

@@ -2,7 +2,7 @@
 
 namespace varimesh::device {
 
-Possible<void> GeneralCells::copy(const Module& kernels) {
+Possible<void> GeneralCells::copy(const Module& kernels, const Module& general) {
   const std::pair<const char*, Kernel*> wanted[] = {{"deform", &deform_},
                                                     {"scan", &scan_},
                                                     {"range", &range_},
@@ -12,15 +12,9 @@ Possible<void> GeneralCells::copy(const Module& kernels) {
                                                     {"change_stress", &change_stress_},
                                                     {"product", &product_}};
   Possible<void> done = find_kernels(kernels, wanted);
-  if (done) done = copy_cells();
+  if (done) done = copy_cells(general);
   const int square = set_.dimension * set_.dimension, per_cell = set_.affine ? 1 : set_.points;
   const auto slot = [&](int i) { return slots_[static_cast<std::size_t>(i)]; };
-  std::vector<double> derivatives;
-  for (const int point : slots_)
-    for (int k = 0; k < set_.dimension; ++k)
-      for (int n = 0; n < set_.nodes_per_cell; ++n)
-        derivatives.push_back(set_.derivatives_of(n)[k * set_.stride + point]);
-  if (done) done = keep(device_, derivatives_, derivatives);
   if (done)
     done = keep(device_, inverse_target_, in_batches<double>(per_cell * square, [&](std::int32_t cell, int i) {
                   const double* inverse = set_.inverse_target_of(cell);
@@ -39,43 +33,33 @@ Possible<void> GeneralCells::copy(const Module& kernels) {
 }
 
 GeneralArguments GeneralCells::arguments(const SharedArrays& shared) const {
-  auto a = common_arguments<GeneralArguments>(shared);
-  a.nodes = set_.nodes_per_cell;
-  a.affine = set_.affine;
-  a.derivatives = derivatives_.as<const double>();
-  a.cell_nodes = nodes_.as<const std::int32_t>();
-  a.ranks = ranks_.as<const std::int32_t>();
-  a.direction = shared.direction;
+  GeneralArguments a = general_arguments(shared);
   a.fields = fields_.as<double>();
   a.changes = fields_.as<float>();
   return a;
 }
 
-Possible<void> GeneralCells::run(const Kernel& kernel, int per_batch, GeneralArguments& arguments) {
-  return device_.launch(kernel, {static_cast<std::int64_t>(lanes()) * per_batch, kBlock, 0}, &arguments);
-}
-
 Possible<void> GeneralCells::scan(const SharedArrays& shared) {
   GeneralArguments a = arguments(shared);
-  Possible<void> done = run(deform_, set_.points, a);
-  if (done) done = run(scan_, 1, a);
+  Possible<void> done = run_general(deform_, set_.points, a);
+  if (done) done = run_general(scan_, 1, a);
   return done;
 }
 
 Possible<void> GeneralCells::gradient(const SharedArrays& shared, bool keeps) {
   GeneralArguments a = arguments(shared);
-  Possible<void> done = run(deform_, set_.points, a);
-  if (done && keeps) done = run(range_, 1, a);
-  if (done) done = run(keeps ? linearise_ : stress_, set_.points, a);
-  if (done) done = run(gradient_, set_.nodes_per_cell, a);
+  Possible<void> done = run_general(deform_, set_.points, a);
+  if (done && keeps) done = run_general(range_, 1, a);
+  if (done) done = run_general(keeps ? linearise_ : stress_, set_.points, a);
+  if (done) done = run_general(gradient_, set_.nodes_per_cell, a);
   return done;
 }
 
 Possible<void> GeneralCells::product(const SharedArrays& shared) {
   GeneralArguments a = arguments(shared);
   a.contributions = contributions_of(shared, set_.dimension);
-  Possible<void> done = run(change_stress_, set_.points, a);
-  if (done) done = run(product_, set_.nodes_per_cell, a);
+  Possible<void> done = run_general(change_stress_, set_.points, a);
+  if (done) done = run_general(product_, set_.nodes_per_cell, a);
   return done;
 }
 

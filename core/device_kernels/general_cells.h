@@ -10,19 +10,16 @@ class GeneralCells final : public SetOnDevice {
  public:
   using SetOnDevice::SetOnDevice;
 
-  Possible<void> copy(const Module& kernels) override;
+  Possible<void> copy(const Module& kernels, const Module& general) override;
   Possible<void> scan(const SharedArrays& shared) override;
   Possible<void> gradient(const SharedArrays& shared, bool keeps) override;
   Possible<void> product(const SharedArrays& shared) override;
-  std::size_t memory() const override { return SetOnDevice::memory() + derivatives_.bytes() + fields_.bytes(); }
+  std::size_t memory() const override { return SetOnDevice::memory() + fields_.bytes(); }
 
  private:
   GeneralArguments arguments(const SharedArrays& shared) const;
-  /// Runs a kernel with `per_batch` × lane threads per batch.
-  Possible<void> run(const Kernel& kernel, int per_batch, GeneralArguments& arguments);
 
   Kernel deform_, scan_, range_, stress_, linearise_, gradient_, change_stress_, product_;
-  Buffer derivatives_;
   Buffer fields_;  ///< F, then the stress or its change, at every point.
 };
 

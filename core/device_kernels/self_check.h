@@ -1,12 +1,21 @@
 // Whether a device computes what the processor computes.
 #pragma once
 
+#include <vector>
+
 #include "core/device/device.h"
+#include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::device {
 
-/// Runs every kernel that this build has for a card on a small mesh, on the device and on the processor, and compares
-/// the bits.
+/// Small bent meshes: tetrahedra of orders 2 to 6 and triangles. Each has vertices inside.
+std::vector<HighOrderMesh> check_meshes();
+
+/// The fault of a device that computes other numbers than the processor on cells of this mesh.
+tl::unexpected<Fault> other_numbers(const Device& device, const HighOrderMesh& mesh);
+
+/// Runs every kernel of the cells that this build has for a card on these meshes, on the device and on the processor,
+/// and compares the bits.
 Possible<void> check_kernels(Device& device);
 
 }  // namespace varimesh::device

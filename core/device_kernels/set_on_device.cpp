@@ -22,7 +22,13 @@ Possible<void> SetOnDevice::find_kernels(const Module& kernels,
   return done;
 }
 
-Possible<void> SetOnDevice::copy_cells() {
+Possible<void> SetOnDevice::copy_cells(const Module& general) {
+  for (const auto& [name, kernel] : {std::pair<const char*, Kernel*>{"node_block", &node_block_},
+                                     std::pair<const char*, Kernel*>{"mean_tensor", &mean_tensor_}}) {
+    auto found = general.kernel(name);
+    if (!found) return tl::unexpected(found.error());
+    *kernel = std::move(*found);
+  }
   slots_ = fold_gradient(set_).points;
   entries_ = make_hessian_kernels(material_, set_.dimension)->entries();
   std::vector<double> weights;
@@ -32,7 +38,13 @@ Possible<void> SetOnDevice::copy_cells() {
     return set_.nodes[static_cast<std::size_t>(cell) * static_cast<std::size_t>(set_.nodes_per_cell) +
                       static_cast<std::size_t>(n)];
   };
+  std::vector<double> derivatives;
+  for (const int point : slots_)
+    for (int k = 0; k < set_.dimension; ++k)
+      for (int n = 0; n < set_.nodes_per_cell; ++n)
+        derivatives.push_back(set_.derivatives_of(n)[k * set_.stride + point]);
   Possible<void> done = keep(device_, weights_, weights);
+  if (done) done = keep(device_, derivatives_, derivatives);
   if (done) done = keep(device_, nodes_, in_batches<std::int32_t>(set_.nodes_per_cell, node));
   if (done)
     done = keep(device_, ranks_, in_batches<std::int32_t>(set_.nodes_per_cell, [&](std::int32_t cell, int n) {
@@ -114,6 +126,42 @@ Possible<void> SetOnDevice::add_norm_term(const SharedArrays& shared) {
   return done;
 }
 
+// ===== For the preconditioner =====
+
+GeneralArguments SetOnDevice::general_arguments(const SharedArrays& shared) const {
+  auto a = common_arguments<GeneralArguments>(shared);
+  a.nodes = set_.nodes_per_cell;
+  a.affine = set_.affine;
+  a.derivatives = derivatives_.as<const double>();
+  a.cell_nodes = nodes_.as<const std::int32_t>();
+  a.ranks = ranks_.as<const std::int32_t>();
+  a.direction = shared.direction;
+  return a;
+}
+
+Possible<void> SetOnDevice::run_general(const Kernel& kernel, int per_batch, GeneralArguments& arguments) {
+  return device_.launch(kernel, {static_cast<std::int64_t>(lanes()) * per_batch, kBlock, 0}, &arguments);
+}
+
+Possible<void> SetOnDevice::node_blocks(const SharedArrays& shared) {
+  GeneralArguments a = general_arguments(shared);
+  a.contributions = contributions_of(shared, triangle_size(set_.dimension));
+  a.cell_gradients = norm_factor_.bytes() == 0 ? nullptr : cell_gradients_.as<const float>();
+  return run_general(node_block_, set_.nodes_per_cell, a);
+}
+
+Possible<void> SetOnDevice::mean_tensors(const SharedArrays& shared) {
+  const std::size_t bytes = lanes() * static_cast<std::size_t>(tensor_size(set_.dimension)) * sizeof(float);
+  if (tensors_.bytes() != bytes) {
+    auto made = device_.allocate(bytes);
+    if (!made) return tl::unexpected(made.error());
+    tensors_ = std::move(*made);
+  }
+  GeneralArguments a = general_arguments(shared);
+  a.tensors = tensors_.as<float>();
+  return run_general(mean_tensor_, 1, a);
+}
+
 Possible<void> SetOnDevice::download_scans(std::span<CellScan> scans) const {
   std::vector<double> numbers(lanes() * 3);
   if (auto done = scans_.download(std::span<double>(numbers)); !done) return done;
@@ -126,9 +174,9 @@ Possible<void> SetOnDevice::download_scans(std::span<CellScan> scans) const {
 
 std::size_t SetOnDevice::memory() const {
   std::size_t bytes = 0;
-  for (const Buffer* buffer :
-       {&weights_, &nodes_, &ranks_, &inverse_target_, &left_factor_, &measure_, &delta_squared_, &slope_,
-        &norm_factor_, &cell_gradients_, &along_, &scans_, &linearisation_, &deformation_, &mean_})
+  for (const Buffer* buffer : {&weights_, &nodes_, &ranks_, &inverse_target_, &left_factor_, &measure_, &delta_squared_,
+                               &slope_, &norm_factor_, &cell_gradients_, &along_, &derivatives_, &tensors_, &scans_,
+                               &linearisation_, &deformation_, &mean_})
     bytes += buffer->bytes();
   return bytes;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/device/device.h"
+#include "core/device/queue.h"
 #include "core/device_kernels/kernels/arguments.h"
 #include "core/energy/material.h"
 #include "core/kernels/hessian/batch.h"
@@ -17,9 +18,6 @@
 #include "core/problem/problem.h"
 
 namespace varimesh::device {
-
-/// Threads of a block.
-inline constexpr int kBlock = 128;
 
 /// Fills a buffer, and makes it first if it has another size.
 template <class T>
@@ -49,7 +47,9 @@ class SetOnDevice {
   virtual ~SetOnDevice() = default;
 
   /// Copies the set to the device.
-  virtual Possible<void> copy(const Module& kernels) = 0;
+  /// @param kernels  those of its cells
+  /// @param general  those of cells of any shape; may be the same
+  virtual Possible<void> copy(const Module& kernels, const Module& general) = 0;
   /// Copies CellSet::delta_squared and CellSet::energy_slope again, and the curvatures φ'' of the cells; none: no
   /// p-norm.
   Possible<void> weigh(std::span<const double> curvatures);
@@ -63,6 +63,11 @@ class SetOnDevice {
   Possible<void> keep_cell_gradients(const SharedArrays& shared);
   Possible<void> add_norm_term(const SharedArrays& shared);
 
+  // Launch kernels after a gradient that keeps: the contributions become the nodes' own blocks, and tensors() the
+  // cells' mean tensors.
+  Possible<void> node_blocks(const SharedArrays& shared);
+  Possible<void> mean_tensors(const SharedArrays& shared);
+
   /// The results of scan(), by cell of the set.
   Possible<void> download_scans(std::span<CellScan> scans) const;
 
@@ -70,13 +75,18 @@ class SetOnDevice {
   std::size_t contributions() const { return lanes() * static_cast<std::size_t>(set_.nodes_per_cell); }
   virtual std::size_t memory() const;
 
+  // For those who work with its cells: the ranks of their nodes (batches × node × lane), and mean_tensors().
+  const Buffer& ranks() const { return ranks_; }
+  const Buffer& tensors() const { return tensors_; }
+  const CellSet& cells() const { return set_; }
+  std::int32_t batches() const { return (set_.count + kBatch - 1) / kBatch; }
+
   // What was kept by gradient(), as BatchSet has it; for tests.
   const Buffer& linearisation() const { return linearisation_; }
   const Buffer& deformation() const { return deformation_; }
   const Buffer& mean() const { return mean_; }
 
  protected:
-  std::int32_t batches() const { return (set_.count + kBatch - 1) / kBatch; }
   std::size_t lanes() const { return static_cast<std::size_t>(batches()) * kBatch; }
   /// The first of its contributions, of `width` numbers each.
   float* contributions_of(const SharedArrays& shared, int width) const {
@@ -84,8 +94,12 @@ class SetOnDevice {
   }
   Possible<void> find_kernels(const Module& kernels, std::span<const std::pair<const char*, Kernel*>> wanted);
   NormArguments norm_arguments(const SharedArrays& shared, int width) const;
-  /// Copies what both kinds have: nodes, ranks, left factors, weights of points and cells; makes room for results.
-  Possible<void> copy_cells();
+  /// Copies what both kinds have: derivatives, nodes, ranks, left factors, weights of points and cells; makes room for
+  /// results.
+  Possible<void> copy_cells(const Module& general);
+  GeneralArguments general_arguments(const SharedArrays& shared) const;
+  /// Runs a kernel with `per_batch` × lane threads per batch.
+  Possible<void> run_general(const Kernel& kernel, int per_batch, GeneralArguments& arguments);
   /// Rearranges `size` numbers per cell to batch × number × lane. Lanes past the last cell repeat it.
   template <class T, class Number>
   std::vector<T> in_batches(int size, const Number& number) const;
@@ -102,9 +116,10 @@ class SetOnDevice {
   int entries_ = 0;         ///< KeptPartials::kEntries.
 
   Buffer weights_, nodes_, ranks_, inverse_target_, left_factor_, measure_, delta_squared_, slope_;
-  Buffer scans_, linearisation_, deformation_, mean_;
+  Buffer derivatives_;  ///< As GeneralArguments::derivatives.
+  Buffer scans_, linearisation_, deformation_, mean_, tensors_;
   Buffer norm_factor_, cell_gradients_, along_;  ///< Empty: no p-norm.
-  Kernel keep_cell_gradients_, along_cell_gradients_, add_norm_terms_;
+  Kernel keep_cell_gradients_, along_cell_gradients_, add_norm_terms_, node_block_, mean_tensor_;
 };
 
 template <class T, class Number>

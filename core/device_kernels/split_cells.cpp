@@ -33,12 +33,12 @@ std::vector<T> table_of(const CellSet& set, const std::vector<int>& slots, int p
 
 }  // namespace
 
-Possible<void> SplitCells::copy(const Module& kernels) {
+Possible<void> SplitCells::copy(const Module& kernels, const Module& general) {
   const std::pair<const char*, Kernel*> wanted[] = {
       {"energy", &energy_}, {"gradient", &gradient_}, {"linearise", &linearise_}, {"product", &product_}};
   const auto parts = [&](CellKernel kernel) { return parts_of(kernel, set_.nodes_per_cell); };
   Possible<void> done = find_kernels(kernels, wanted);
-  if (done) done = copy_cells();
+  if (done) done = copy_cells(general);
   if (done)
     done = keep(device_, inverse_target_,
                 in_batches<double>(set_.dimension * set_.dimension,

@@ -12,7 +12,7 @@ class SplitCells final : public SetOnDevice {
  public:
   using SetOnDevice::SetOnDevice;
 
-  Possible<void> copy(const Module& kernels) override;
+  Possible<void> copy(const Module& kernels, const Module& general) override;
   Possible<void> scan(const SharedArrays& shared) override;
   Possible<void> gradient(const SharedArrays& shared, bool keeps) override;
   Possible<void> product(const SharedArrays& shared) override;

@@ -5,6 +5,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "core/base/counted.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
@@ -19,7 +20,7 @@ struct Findings {
 
 using Numbers = std::vector<std::int64_t>;
 
-std::string count_text(std::int64_t count) { return std::to_string(count) + (count == 1 ? " element" : " elements"); }
+std::string count_text(std::int64_t count) { return counted(count, "element"); }
 
 /// The elements by what could help them.
 struct Sorted {

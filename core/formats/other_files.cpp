@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "core/geometry/cad/file_kind.h"
+
 namespace varimesh::formats {
 
 namespace {
@@ -35,9 +37,6 @@ constexpr std::string_view kMeshioConverts =
 constexpr std::string_view kObj = "v ";
 
 constexpr std::array kOtherFiles{
-    OtherFile{"ISO-10303-21", "a STEP file, which is a geometry and not a mesh", kMeshIt},
-    OtherFile{"DBRep_DrawableShape", "a BREP file, which is a geometry and not a mesh", kMeshIt},
-    OtherFile{"CASCADE Topology", "a BREP file, which is a geometry and not a mesh", kMeshIt},
     OtherFile{"# vtk DataFile", "a VTK file of the legacy format", kVtu},
     OtherFile{"<Xdmf", "an XDMF file", kMeshioConverts},
     OtherFile{"<?xml", "an XML file, such as XDMF", kMeshioConverts},
@@ -49,6 +48,25 @@ constexpr std::array kOtherFiles{
     OtherFile{"\x1f\x8b"sv, "a compressed file", "uncompress it with: gunzip FILE"},
     OtherFile{"PK\x03\x04"sv, "a ZIP archive", "unpack it with: unzip FILE"},
 };
+
+/// What to say of the kind of CAD file that begins with these bytes; null if no kind does.
+const OtherFile* cad_file(std::string_view bytes) {
+  static constexpr OtherFile kStep{{}, "a STEP file, which is a geometry and not a mesh", kMeshIt};
+  static constexpr OtherFile kIges{{}, "an IGES file, which is a geometry and not a mesh", kMeshIt};
+  static constexpr OtherFile kBrep{{}, "a BREP file, which is a geometry and not a mesh", kMeshIt};
+  switch (geometry::kind_of_cad_file(bytes)) {
+    case geometry::CadFileKind::Step:
+      return &kStep;
+    case geometry::CadFileKind::Iges:
+      return &kIges;
+    case geometry::CadFileKind::Brep:
+    case geometry::CadFileKind::Binary:
+      return &kBrep;
+    case geometry::CadFileKind::Unknown:
+      break;
+  }
+  return nullptr;
+}
 
 /// A binary STL file has 80 bytes of anything, the number of triangles, and 50 bytes per triangle.
 bool is_binary_stl(std::string_view bytes) {
@@ -67,6 +85,7 @@ bool is_obj(std::string_view text) {
 }
 
 const OtherFile* find(std::string_view bytes) {
+  if (const OtherFile* model = cad_file(bytes)) return model;
   std::string_view text = bytes;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark of UTF-8
   while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front())) != 0) text.remove_prefix(1);

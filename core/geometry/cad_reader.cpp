@@ -10,10 +10,11 @@
 #include <charconv>
 #include <chrono>
 #include <csignal>
-#include <sstream>
+#include <string>
 #include <string_view>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include "core/base/utf8.h"
 #include "core/process/helper_program.h"
@@ -24,15 +25,25 @@ namespace {
 /// Most seconds of processor time for a file. One of 100 MB takes about a minute. OpenCASCADE may read on for ever in a
 /// damaged one.
 constexpr double kLeastSeconds = 3, kSecondsPerMegabyte = 6, kMostSeconds = 600;
+/// As many seconds more if the faces are to be covered with triangles.
+constexpr double kSecondsForTriangles = 20;
+
+// A process that a damaged file has taken over may write anything. Of its sentences and names no more is kept than
+// this.
+constexpr std::size_t kMostNotes = 20, kMostBytesOfNote = kMostTextBytes;
+constexpr std::size_t kMostNames = 100'000, kMostBytesOfName = 80;
+/// Read from it: the program itself cuts names at 200 bytes.
+constexpr std::size_t kMostBytesOfNotes = 64 << 10, kMostBytesOfNames = kMostNames * 220;
 
 std::int64_t size_of(int file) {
   struct stat status {};
   return ::fstat(file, &status) == 0 ? static_cast<std::int64_t>(status.st_size) : 0;
 }
 
-int seconds_for(int file) {
+int seconds_for(int file, ReaderTask task) {
   const double megabytes = static_cast<double>(size_of(file)) / 1e6;
-  return static_cast<int>(std::min(kMostSeconds, kLeastSeconds + kSecondsPerMegabyte * megabytes));
+  const double least = kLeastSeconds + (task == ReaderTask::Triangles ? kSecondsForTriangles : 0);
+  return static_cast<int>(std::min(kMostSeconds, least + kSecondsPerMegabyte * megabytes));
 }
 
 /// An open file without a name, which is gone when this object is.
@@ -45,8 +56,9 @@ class Nameless {
   Nameless(const Nameless&) = delete;
   Nameless& operator=(const Nameless&) = delete;
 
-  std::string content() const {
-    std::string bytes(static_cast<std::size_t>(size_of(descriptor)), '\0');
+  /// Its first bytes, at most `most`.
+  std::string content(std::size_t most = std::string::npos) const {
+    std::string bytes(std::min(static_cast<std::size_t>(size_of(descriptor)), most), '\0');
     std::size_t have = 0;
     while (have < bytes.size()) {
       const ssize_t got = ::pread(descriptor, bytes.data() + have, bytes.size() - have, static_cast<off_t>(have));
@@ -60,23 +72,37 @@ class Nameless {
   const int descriptor;
 };
 
-std::vector<std::string> lines_of(const std::string& text) {
-  std::vector<std::string> lines;
-  std::istringstream stream(text);
-  for (std::string line; std::getline(stream, line);) lines.push_back(line);
-  return lines;
+/// Calls take(line) for each line until it returns false. The lines are parts of `text`.
+template <class Take>
+void for_each_line(std::string_view text, const Take& take) {
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find('\n'));
+    if (!take(line)) return;
+    text.remove_prefix(std::min(line.size() + 1, text.size()));
+  }
 }
 
-/// The names of faces, from lines with a number, a space and a name.
-std::map<int, std::string> names_of(const std::string& text) {
-  constexpr std::size_t kMostBytes = 80;
+/// The first sentences, one from each line.
+std::vector<std::string> notes_of(std::string_view text) {
+  std::vector<std::string> notes;
+  for_each_line(text, [&](std::string_view line) {
+    notes.push_back(as_plain_text(line, kMostBytesOfNote));
+    return notes.size() < kMostNotes;
+  });
+  return notes;
+}
+
+/// The names of the first faces that have one, from lines with a number, a space and a name.
+std::map<int, std::string> names_of(std::string_view text) {
   std::map<int, std::string> names;
-  for (const std::string& line : lines_of(text)) {
+  for_each_line(text, [&](std::string_view line) {
     int number = 0;
-    const auto [end, failed] = std::from_chars(line.data(), line.data() + line.size(), number);
-    if (failed == std::errc() && end != line.data() + line.size())
-      names.emplace(number, as_plain_text(std::string_view(end + 1, line.data() + line.size()), kMostBytes));
-  }
+    const char* const last = line.data() + line.size();
+    const auto [end, failed] = std::from_chars(line.data(), last, number);
+    if (failed == std::errc() && end != last && number > 0)
+      names.emplace(number, as_plain_text(std::string_view(end + 1, last), kMostBytesOfName));
+    return names.size() < kMostNames;
+  });
   return names;
 }
 
@@ -98,29 +124,32 @@ int status_of(pid_t id, const StopToken* stop) {
 
 }  // namespace
 
-Expected<ReadModel> read_in_child(const std::string& reader, int file, const std::string& what,
+Expected<ReadModel> read_in_child(const std::string& reader, ReaderTask task, int file, const std::string& what,
                                   std::int64_t most_memory, const StopToken* stop) {
   const Nameless shape("varimesh shape"), sentence("varimesh sentence"), names("varimesh names");
   const int files[] = {shape.descriptor, sentence.descriptor, file, names.descriptor};
-  const int seconds = seconds_for(file);
+  const int seconds = seconds_for(file, task);
+  std::vector<std::string> words{std::to_string(seconds), std::to_string(most_memory)};
+  if (task == ReaderTask::Triangles) words.emplace_back("triangles");
   Helper child;
   child.error = errno;
   if (shape.descriptor >= 0 && sentence.descriptor >= 0 && names.descriptor >= 0)
-    child = start_helper({reader, {std::to_string(seconds), std::to_string(most_memory)}, files});
+    child = start_helper({reader, std::move(words), files});
   if (child.id < 0)
     return bad_option("'" + reader + "', which reads CAD files, cannot be started (" +
                       std::system_category().message(child.error) + "); install VariMesh again.");
   const int status = status_of(child.id, stop);
   const std::string about = what + " cannot be used: ";
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
-    return ReadModel{shape.content(), lines_of(sentence.content()), names_of(names.content())};
+    return ReadModel{shape.content(), notes_of(sentence.content(kMostBytesOfNotes)),
+                     names_of(names.content(kMostBytesOfNames))};
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL))
     return bad_input(about + "reading it took more than " + std::to_string(seconds) +
                      " s or all memory, so it is damaged or too large; export it again, or simplify the model.");
   if (WIFSIGNALED(status))
     return bad_input(about + "OpenCASCADE crashed while it read it (signal " + std::to_string(WTERMSIG(status)) +
                      "), so the file is probably damaged; export it again.");
-  const std::string said = sentence.content();
+  const std::string said = as_plain_text(sentence.content(kMostBytesOfNotes));
   return bad_input(about + (said.empty() ? "its reader ended with status " + std::to_string(WEXITSTATUS(status)) +
                                                "; export it again, as STEP."
                                          : said));

@@ -22,20 +22,24 @@ std::string reader_path(const std::string& plugin);
 /// @param what  how the sentence calls the model
 Expected<void> check_plugin(const std::string& what);
 
+/// What the program makes of a file: its shape in OpenCASCADE's binary format, or the bytes of encode() of its faces
+/// (core/geometry/cad/model_triangles.h).
+enum class ReaderTask { Shape, Triangles };
+
 /// What the program has read.
 struct ReadModel {
-  std::string shape;                 ///< In OpenCASCADE's binary format.
-  std::vector<std::string> notes;    ///< Sentences about what was taken.
-  std::map<int, std::string> names;  ///< By Surface::tag: the name of the face, as plain text.
+  std::string made;                  ///< As ReaderTask says.
+  std::vector<std::string> notes;    ///< Sentences about what was taken, as plain text: at most 20.
+  std::map<int, std::string> names;  ///< By Surface::tag: the name of the face, as plain text. At most 100,000 faces.
 };
 
 /// Reads the open file with the program `reader`. The process has limits on time and memory, and ends when this one
-/// does.
+/// does. Of what it says, no more is kept than ReadModel states, whatever it sends.
 /// @param what  how sentences call the file
 /// @param stop  may be null. If it says stop, the process is ended. Throws Interrupted
 /// Errors: BadInput if the file cannot be read, or if the process crashed or reached a limit; BadOption if the program
 /// cannot be started.
-Expected<ReadModel> read_in_child(const std::string& reader, int file, const std::string& what,
+Expected<ReadModel> read_in_child(const std::string& reader, ReaderTask task, int file, const std::string& what,
                                   std::int64_t most_memory, const StopToken* stop = nullptr);
 
 }  // namespace varimesh::geometry

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 #include "core/base/machine_memory.h"
 #include "core/geometry/cad_reader.h"
@@ -59,13 +60,25 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
   model.read_ = reinterpret_cast<ReadShape*>(dlsym(library, kReadShapeSymbol));
   if (model.read_ == nullptr)
     return bad_option("'" + plugin + "' belongs to another version of VariMesh; install both from the same package.");
-  auto read = read_in_child(reader_path(plugin), file, what, most_memory, stop);
+  auto read = read_in_child(reader_path(plugin), ReaderTask::Shape, file, what, most_memory, stop);
   if (!read) return tl::unexpected(read.error());
-  model.shape_ = std::move(read->shape);
+  model.shape_ = std::move(read->made);
   model.notes_ = std::move(read->notes);
   model.names_ = std::move(read->names);
   model.what_ = what;
   return model;
+}
+
+Expected<ModelTriangles> read_triangles(const std::string& plugin, int file, const std::string& what,
+                                        std::int64_t most_memory) {
+  auto read = read_in_child(reader_path(plugin), ReaderTask::Triangles, file, what, most_memory);
+  if (!read) return tl::unexpected(read.error());
+  auto faces = decode_faces(read->made);
+  if (!faces || faces->empty())
+    return bad_input(what + " cannot be used: its reader ended without a picture of it; export it again, as STEP.");
+  for (FaceTriangles& face : *faces)
+    if (const auto name = read->names.find(face.tag); name != read->names.end()) face.name = name->second;
+  return ModelTriangles{std::move(*faces), std::move(read->notes)};
 }
 
 Expected<CadModel> read_model(int file, const std::string& what, const StopToken* stop) {

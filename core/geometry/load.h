@@ -9,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "core/base/stop_token.h"
+#include "core/geometry/cad/model_triangles.h"
 #include "core/geometry/cad_reader.h"
 #include "core/geometry/geometry.h"
 #include "core/geometry/plugin.h"
@@ -46,6 +47,11 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
 /// there is no plugin.
 /// @param stop  may be null. Throws Interrupted if the work is to stop
 Expected<CadModel> read_model(int file, const std::string& what, const StopToken* stop = nullptr);
+
+/// Lets a process read an open CAD file and cover its faces with triangles, for a picture. The plugin is not loaded:
+/// only the program beside it is needed. Errors: as read_model().
+Expected<ModelTriangles> read_triangles(const std::string& plugin, int file, const std::string& what,
+                                        std::int64_t most_memory);
 
 /// The memory for most_memory of read_model() with a file of this size, beside which a damaged file stands out.
 std::int64_t memory_for_reading(std::int64_t file_bytes);

@@ -25,6 +25,8 @@ constexpr double kOffTheWall = 0.3;
 /// With Walls::All a column ends where the next cell is lower than this times the one below: there it would go down the
 /// layers of the wall on the other side.
 constexpr double kShrinks = 0.8;
+/// On the way down through the layers of another wall the second cell is lower than this times the first one.
+constexpr double kGoesDown = 0.95;
 /// A facet is curved if a node lies this far above the straight facet, relative to the length of its shortest edge.
 /// Nodes that are spaced unevenly in a straight facet do not curve it.
 constexpr double kCurved = 1e-6;
@@ -65,9 +67,9 @@ bool is_curved(const HighOrderMesh& mesh, const WallFacet& facet, double size) {
   return false;
 }
 
-/// The facets of the boundary whose cell is thin over them, with their cells.
-std::vector<WallFacet> thin_facets(const HighOrderMesh& mesh, const Facets& facets, const Cells& cells) {
-  std::vector<WallFacet> thin;
+/// The facets of the boundary whose cell is low over them, with their cells.
+std::vector<WallFacet> low_facets(const HighOrderMesh& mesh, const Facets& facets, const Cells& cells) {
+  std::vector<WallFacet> low;
   for (std::size_t cell = 0; cell < cells.count(); ++cell) {
     const std::span<const std::int32_t> nodes = cells.nodes(cell);
     const reference::ShapeInfo& info = reference::info(cells.shape(cell));
@@ -80,10 +82,12 @@ std::vector<WallFacet> thin_facets(const HighOrderMesh& mesh, const Facets& face
       double height = 0;
       for (int v = 0; v < info.vertices; ++v)
         height = std::max(height, std::abs(normal.dot(point(mesh, nodes[at(v)]) - from)));
-      if (height < kThin * shortest_edge(mesh, facet.shape, facet.nodes)) thin.push_back(std::move(facet));
+      const double size = shortest_edge(mesh, facet.shape, facet.nodes);
+      facet.is_thin = height < kThin * size;
+      if (height < kLow * size) low.push_back(std::move(facet));
     }
   }
-  return thin;
+  return low;
 }
 
 /// Sets of facets that hang together.
@@ -100,9 +104,8 @@ class Patches {
   std::vector<std::size_t> parent_;
 };
 
-/// Keeps the facets of each patch that has a curved facet, or of all patches.
-std::vector<WallFacet> walls(const HighOrderMesh& mesh, std::vector<WallFacet> facets, Walls which) {
-  if (which == Walls::All) return facets;
+/// The smooth patches of facets: they share edges or vertices, and bend little from one to the next.
+Patches smooth_patches(const HighOrderMesh& mesh, std::span<const WallFacet> facets) {
   struct Side {
     std::array<std::int32_t, 2> vertices;
     std::size_t facet;
@@ -125,13 +128,34 @@ std::vector<WallFacet> walls(const HighOrderMesh& mesh, std::vector<WallFacet> f
     const std::size_t a = sides[i - 1].facet, b = sides[i].facet;
     if (std::abs(normal_of(mesh, facets[a]).dot(normal_of(mesh, facets[b]))) > kSmooth) patches.join(a, b);
   }
+  return patches;
+}
+
+/// Keeps the facets with `keep(patch, facet)`.
+template <class Keep>
+std::vector<WallFacet> kept(std::vector<WallFacet> facets, Patches& patches, const Keep& keep) {
+  std::vector<WallFacet> left;
+  for (std::size_t f = 0; f < facets.size(); ++f)
+    if (keep(patches.of(f), facets[f])) left.push_back(std::move(facets[f]));
+  return left;
+}
+
+/// Keeps the facets with a thin cell. If at least half of the facets of a patch have one, all facets of the patch stay.
+std::vector<WallFacet> with_layers(const HighOrderMesh& mesh, std::vector<WallFacet> low) {
+  Patches patches = smooth_patches(mesh, low);
+  std::vector<std::int64_t> surplus(low.size(), 0);  // of thin facets over the others, by patch
+  for (std::size_t f = 0; f < low.size(); ++f) surplus[patches.of(f)] += low[f].is_thin ? 1 : -1;
+  return kept(std::move(low), patches,
+              [&](std::size_t patch, const WallFacet& facet) { return facet.is_thin || surplus[patch] >= 0; });
+}
+
+/// Keeps the facets of each patch that has a curved facet.
+std::vector<WallFacet> with_curved_facet(const HighOrderMesh& mesh, std::vector<WallFacet> facets) {
+  Patches patches = smooth_patches(mesh, facets);
   std::vector<char> curved(facets.size(), 0);
   for (std::size_t f = 0; f < facets.size(); ++f)
     if (is_curved(mesh, facets[f], shortest_edge(mesh, facets[f].shape, facets[f].nodes))) curved[patches.of(f)] = 1;
-  std::vector<WallFacet> kept;
-  for (std::size_t f = 0; f < facets.size(); ++f)
-    if (curved[patches.of(f)] != 0) kept.push_back(std::move(facets[f]));
-  return kept;
+  return kept(std::move(facets), patches, [&](std::size_t patch, const WallFacet&) { return curved[patch] != 0; });
 }
 
 /// By vertex: the vertices that an edge connects it to, sorted, each once. Only vertices of cells count.
@@ -197,11 +221,14 @@ void begin_columns(const HighOrderMesh& mesh, Columns& columns) {
         columns.vertices.push_back({facet.nodes[at(v)]});
         columns.facets_of.emplace_back();
         columns.size.push_back(size);
+        columns.reach.push_back(kThin);
       }
       columns.facets_of[at(column)].push_back(static_cast<std::int32_t>(f));
       columns.size[at(column)] = std::min(columns.size[at(column)], size);
+      if (!facet.is_thin) columns.reach[at(column)] = kLow;
     }
   }
+  for (std::size_t column = 0; column < columns.size.size(); ++column) columns.reach[column] *= columns.size[column];
 }
 
 double length(const HighOrderMesh& mesh, std::int32_t from, std::int32_t to) {
@@ -212,15 +239,15 @@ double last_height(const HighOrderMesh& mesh, const std::vector<std::int32_t>& c
   return length(mesh, column[column.size() - 2], column.back());
 }
 
-/// The vertex to which a column goes on straightest, of those that `may_take` allows. `size`: as Columns::size.
+/// The vertex to which a column goes on straightest, of those that `may_take` allows. `reach`: as Columns::reach.
 template <class MayTake>
 Rise next_of(const HighOrderMesh& mesh, const Neighbours& neighbours, const std::vector<std::int32_t>& column,
-             const Vector& direction, double size, const MayTake& may_take) {
+             const Vector& direction, double reach, const MayTake& may_take) {
   Rise next;
   const bool is_first = column.size() == 1;
   for (const std::int32_t to : neighbours.of(column.back())) {
     const Vector edge = point(mesh, to) - point(mesh, column.back());
-    if ((is_first && edge.norm() >= kThin * size) || !may_take(to)) continue;
+    if ((is_first && edge.norm() >= reach) || !may_take(to)) continue;
     const double cosine = edge.dot(direction) / edge.norm();
     if (cosine > (is_first ? kOffTheWall : kOn) && cosine > next.cosine) next = {to, cosine};
   }
@@ -238,7 +265,7 @@ std::vector<char> that_go_down(const HighOrderMesh& mesh, const Neighbours& neig
     std::vector<std::int32_t> way{columns.vertices[column].front()};
     seen[at(way[0])] = self;
     for (double first = 0;;) {
-      const Rise next = next_of(mesh, neighbours, way, directions[column], columns.size[column],
+      const Rise next = next_of(mesh, neighbours, way, directions[column], columns.reach[column],
                                 [&](std::int32_t to) { return seen[at(to)] != self; });
       if (next.to < 0) break;
       seen[at(next.to)] = self;
@@ -246,7 +273,7 @@ std::vector<char> that_go_down(const HighOrderMesh& mesh, const Neighbours& neig
       way.push_back(next.to);
       const double height = last_height(mesh, way);
       if (way.size() == 2) first = height;
-      if (way.size() == 3 && height >= kShrinks * first) break;
+      if (way.size() == 3 && height >= kGoesDown * first) break;
       if (columns.column_of[at(next.to)] < 0) continue;
       down[column] = way.size() > 2 && height < kShrinks * first ? 1 : 0;
       break;
@@ -263,7 +290,7 @@ bool raise(const HighOrderMesh& mesh, const Neighbours& neighbours, std::vector<
   for (std::size_t i = 0; i < rising.size(); ++i) {
     const std::size_t column = at(rising[i]);
     const std::vector<std::int32_t>& vertices = columns.vertices[column];
-    rises[i] = next_of(mesh, neighbours, vertices, directions[column], columns.size[column], [&](std::int32_t to) {
+    rises[i] = next_of(mesh, neighbours, vertices, directions[column], columns.reach[column], [&](std::int32_t to) {
       return columns.column_of[at(to)] < 0 &&
              (vertices.size() == 1 || which == Walls::Curved ||
               length(mesh, vertices.back(), to) >= kShrinks * last_height(mesh, vertices));
@@ -310,7 +337,8 @@ bool leave_walls_of_others(const HighOrderMesh& mesh, const Neighbours& neighbou
 Columns find_columns(const HighOrderMesh& mesh, const Facets& facets, Walls which) {
   const Cells cells(mesh, mesh.dimension);
   Columns columns;
-  columns.facets = walls(mesh, thin_facets(mesh, facets, cells), which);
+  columns.facets = with_layers(mesh, low_facets(mesh, facets, cells));
+  if (which == Walls::Curved) columns.facets = with_curved_facet(mesh, std::move(columns.facets));
   if (columns.facets.empty()) return columns;
   begin_columns(mesh, columns);
   std::vector<Vector> direction = directions(mesh, columns, cells);

@@ -8,6 +8,7 @@
 
 #include "core/base/index.h"
 #include "core/layers/columns.h"
+#include "core/layers/flat_sides.h"
 #include "core/layers/placement.h"
 #include "core/validity/certifier.h"
 
@@ -28,6 +29,10 @@ struct Distance {
 /// the nodes lie on circles, and .03 after the elements were made as straight as they go. Along the wall less depends
 /// on a node's place, and the wall's normal is known less well.
 constexpr Distance kKept{.across = 0.02, .along = 0.1};
+/// The same for nodes of a valid mesh that only change their spacing. Round the nose of an ellipse, where normals of
+/// quadratic walls are far off, nodes on exactly parallel surfaces are .03 away. Along the wall five times as much is
+/// near, as in kKept.
+constexpr Distance kSlides{.across = 0.05, .along = 0.25};
 /// The same if nodes are placed.
 constexpr Distance kPlaced{.across = 1e-3, .along = 1e-3};
 /// Cells that are higher than this, relative to their width, do not get nodes on parallel surfaces: if the spacing is
@@ -35,12 +40,52 @@ constexpr Distance kPlaced{.across = 1e-3, .along = 1e-3};
 /// cubic quadrilaterals, and 1.5 leaves 1.2 times.
 constexpr double kHighestKept = 1.5, kHighestSpaced = 2;
 
+/// How far two nodes are from each other. `normal`: of the wall.
+Distance distance(const double* from, const double* to, const double* normal, const LayerCell& cell) {
+  const std::array<double, 3> way{to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+  const double across = std::inner_product(way.begin(), way.end(), normal, 0.0);
+  const double whole = std::hypot(way[0], way[1], way[2]);
+  return {std::abs(across) / cell.height, std::sqrt(std::max(0.0, whole * whole - across * across)) / cell.width};
+}
+
+/// Nodes that lie near parallel surfaces are to move by the change of their spacing, and not to parallel surfaces that
+/// are found anew: the surfaces of the mesh are at least as exact. Nodes of other cells are to go where `changed` has
+/// them.
+///
+/// @param kept, changed  where nodes lie on parallel surfaces with the spacing as it came, and with another one
+void keep_near_surfaces(const HighOrderMesh& mesh, std::span<const Certificate> before, const detail::Placement& kept,
+                        detail::Placement& changed) {
+  const Cells cells(mesh, mesh.dimension);
+  const Distance most = are_valid(before) ? kSlides : kKept;
+  std::vector<char> is_far(kept.nodes.size(), 0);
+  const auto place_of = [&](std::int32_t node) {
+    return at(std::ranges::lower_bound(kept.nodes, node) - kept.nodes.begin());
+  };
+  std::vector<std::size_t> places;
+  for (const LayerCell& cell : kept.cells) {
+    places.clear();
+    for (const std::int32_t node : cells.nodes(at(cell.cell)))
+      if (const std::size_t k = place_of(node); k < kept.nodes.size() && kept.nodes[k] == node) places.push_back(k);
+    const bool is_near = before[at(cell.cell)].is_valid() && std::ranges::all_of(places, [&](std::size_t k) {
+                           return distance(&mesh.coordinates[3 * at(kept.nodes[k])], &kept.coordinates[3 * k],
+                                           &kept.normals[3 * k], cell)
+                               .within(most);
+                         });
+    if (is_near) continue;
+    for (const std::size_t k : places) is_far[k] = 1;
+  }
+  for (std::size_t k = 0; k < is_far.size(); ++k)
+    for (std::size_t c = 0; c < 3 && is_far[k] == 0; ++c)
+      changed.coordinates[3 * k + c] += mesh.coordinates[3 * at(kept.nodes[k]) + c] - kept.coordinates[3 * k + c];
+}
+
 class Start {
  public:
-  Start(const HighOrderMesh& mesh, const std::vector<bool>& fixed, LayerSpacing spacing, const Certifier& certifier,
-        std::span<const Certificate> before, detail::Placement placement, const Team& team)
+  Start(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const detail::FlatSides& sides, LayerSpacing spacing,
+        const Certifier& certifier, std::span<const Certificate> before, detail::Placement placement, const Team& team)
       : mesh_(mesh),
         fixed_(fixed),
+        sides_(sides),
         changes_spacing_(spacing != LayerSpacing::Keep),
         highest_(changes_spacing_ ? kHighestSpaced : kHighestKept),
         certifier_(certifier),
@@ -75,12 +120,8 @@ class Start {
   Distance distance(const LayerCell& cell, std::int32_t node) const {
     const double* to = wanted(node);
     if (to == nullptr) return {};
-    const double* from = &mesh_.coordinates[3 * at(node)];
     const double* normal = &placement_.normals[at(to - placement_.coordinates.data())];
-    const std::array<double, 3> way{to[0] - from[0], to[1] - from[1], to[2] - from[2]};
-    const double across = std::inner_product(way.begin(), way.end(), normal, 0.0);
-    const double whole = std::hypot(way[0], way[1], way[2]);
-    return {std::abs(across) / cell.height, std::sqrt(std::max(0.0, whole * whole - across * across)) / cell.width};
+    return varimesh::distance(&mesh_.coordinates[3 * at(node)], to, normal, cell);
   }
 
   bool is_even(const LayerCell& cell, const Distance& most) const {
@@ -103,7 +144,8 @@ class Start {
     std::vector<char> moves(mesh_.node_count(), 0);
     for (std::size_t i = 0; i < kinds_.size(); ++i)
       if (kinds_[i] == Kind::Placed)
-        for (const std::int32_t node : nodes(placement_.cells[i])) moves[at(node)] = fixed_[at(node)] ? 0 : 1;
+        for (const std::int32_t node : nodes(placement_.cells[i]))
+          moves[at(node)] = fixed_[at(node)] && !sides_.has(node) ? 0 : 1;
     for (std::size_t i = 0; i < kinds_.size(); ++i)
       if (kinds_[i] == Kind::Even)
         for (const std::int32_t node : nodes(placement_.cells[i])) moves[at(node)] = 0;
@@ -182,6 +224,7 @@ class Start {
 
   const HighOrderMesh& mesh_;
   const std::vector<bool>& fixed_;
+  const detail::FlatSides& sides_;
   const bool changes_spacing_;
   const double highest_;  ///< How high a low cell is at most, relative to its width.
   const Certifier& certifier_;
@@ -200,17 +243,22 @@ class Start {
 }  // namespace
 
 LayerStart start_layers(const HighOrderMesh& mesh, const Facets& facets, const std::vector<bool>& fixed,
-                        LayerSpacing spacing, const Team& team) {
+                        LayerSpacing spacing, OnFlatSides on_flat_sides, const Team& team) {
   using detail::Walls;
   const detail::Columns columns =
       detail::find_columns(mesh, facets, spacing == LayerSpacing::Keep ? Walls::Curved : Walls::All);
   if (columns.empty()) return {};
-  detail::Placement placement = detail::place_in_layers(mesh, columns, spacing, fixed);
+  const bool slides = spacing != LayerSpacing::Keep && on_flat_sides == OnFlatSides::Slide;
+  const detail::FlatSides sides = slides ? detail::FlatSides(mesh, facets, columns) : detail::FlatSides();
+  detail::Placement placement = detail::place_in_layers(mesh, columns, spacing, fixed, sides);
   if (placement.cells.empty()) return {};
   const Certifier certifier(mesh, {}, team);
   std::vector<Certificate> certificates(certifier.cells());
   certifier.certify(mesh.coordinates, certificates, team);
-  return Start(mesh, fixed, spacing, certifier, certificates, std::move(placement), team).run();
+  if (spacing != LayerSpacing::Keep)
+    keep_near_surfaces(mesh, certificates, detail::place_in_layers(mesh, columns, LayerSpacing::Keep, fixed, sides),
+                       placement);
+  return Start(mesh, fixed, sides, spacing, certifier, certificates, std::move(placement), team).run();
 }
 
 }  // namespace varimesh

@@ -11,6 +11,9 @@
 
 namespace varimesh {
 
+/// What nodes do that are on flat sides at which a wall ends.
+enum class OnFlatSides : std::uint8_t { Stay, Slide };
+
 /// What became of the layers at curved walls.
 struct LayerStart {
   /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty: the mesh stays as it came.
@@ -32,13 +35,14 @@ struct LayerStart {
 ///   and a half times their width. Cells get their nodes back if they would lose a certificate by it, or do not become
 ///   valid.
 /// - With a spacing that is not kept, the walls may be flat. The nodes of all cells that are at most twice as high as
-///   wide go to parallel surfaces with that spacing.
+///   wide go to parallel surfaces with that spacing. Nodes on flat sides at which a wall ends, such as planes of
+///   symmetry, may slide in these sides to get the spacing too, unless they are in a periodic link.
 /// - The nodes stay there if at least one cell of the mesh becomes certified valid by this, or if the spacing is not
 ///   kept. If all cells are valid then, the nodes of the cells of both kinds are held.
 ///
 /// In a mesh whose cells are all certified valid, no node moves if the spacing is kept. Vertices never do. `fixed`: by
-/// node, whether it must stay. Call it inside team.run().
+/// node, whether it must stay; with OnFlatSides::Slide nodes on flat sides need not. Call it inside team.run().
 LayerStart start_layers(const HighOrderMesh& mesh, const Facets& facets, const std::vector<bool>& fixed,
-                        LayerSpacing spacing, const Team& team);
+                        LayerSpacing spacing, OnFlatSides on_flat_sides, const Team& team);
 
 }  // namespace varimesh

@@ -44,11 +44,13 @@ struct Sum {
 
 class Placer {
  public:
-  Placer(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing, const std::vector<bool>& fixed)
+  Placer(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing, const std::vector<bool>& fixed,
+         const FlatSides& sides)
       : mesh_(mesh),
         columns_(columns),
         spacing_(spacing),
         fixed_(fixed),
+        sides_(sides),
         cells_(mesh, mesh.dimension),
         on_column_(columns.vertices.size()) {}
 
@@ -66,10 +68,12 @@ class Placer {
       sum.place += sum.count / static_cast<double>(shift.count) * shift.place;
     }
     for (const auto& [node, sum] : sums_) {
-      const Vector normal = sum.normal.normalized();
+      const Vector normal = sum.normal.normalized(), from = point(mesh_, node);
+      Vector place = sum.place / sum.count;
+      if (sides_.has(node)) place = from + sides_.along(node, place - from);
       placement_.nodes.push_back(node);
       for (int c = 0; c < 3; ++c) {
-        placement_.coordinates.push_back(sum.place[c] / sum.count);
+        placement_.coordinates.push_back(place[c]);
         placement_.normals.push_back(normal[c]);
       }
     }
@@ -77,6 +81,8 @@ class Placer {
   }
 
  private:
+  bool stays(std::int32_t node) const { return fixed_[at(node)] && !sides_.has(node); }
+
   const Eigen::MatrixXd& weights_of(Shape shape) {
     auto& weights = weights_[static_cast<std::size_t>(shape)];
     if (!weights) weights = vertex_weights(shape, mesh_.order, mesh_.dimension);
@@ -208,7 +214,7 @@ class Placer {
       const auto known = static_cast<int>(std::ranges::find(nodes, -1) - nodes.begin());
       points_.push_back(spaced_column(points, (known - 1) / mesh_.order, mesh_.order, columns_.size[column], spacing_));
       for (std::size_t place = 0; place < nodes.size(); ++place)
-        if (nodes[place] >= 0 && fixed_[at(nodes[place])]) points_.back()[place] = points[place];
+        if (nodes[place] >= 0 && stays(nodes[place])) points_.back()[place] = points[place];
     }
   }
 
@@ -264,7 +270,7 @@ class Placer {
     const std::span<const std::int32_t> nodes = cells_.nodes(at(cell.cell));
     for (std::size_t k = 0; k < nodes.size(); ++k) {
       const NodeInLayer node = *in_layer(cell, static_cast<int>(k));
-      if (node.step != mesh_.order || !fixed_[at(nodes[k])]) continue;
+      if (node.step != mesh_.order || !stays(nodes[k])) continue;
       const Sum& sum = sums_.at(nodes[k]);
       const Vector away = point(mesh_, nodes[k]) - sum.place / sum.count;
       if (away.norm() > kFades * cell.height) tops_[above(cell, node)] = away;
@@ -289,6 +295,7 @@ class Placer {
   const Columns& columns_;
   const LayerSpacing spacing_;
   const std::vector<bool>& fixed_;
+  const FlatSides& sides_;
   const Cells cells_;
   /// By column, by P · level: the node there, or −1.
   std::vector<std::vector<std::int32_t>> on_column_;
@@ -305,8 +312,8 @@ class Placer {
 }  // namespace
 
 Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing,
-                          const std::vector<bool>& fixed) {
-  return Placer(mesh, columns, spacing, fixed).place();
+                          const std::vector<bool>& fixed, const FlatSides& sides) {
+  return Placer(mesh, columns, spacing, fixed, sides).place();
 }
 
 }  // namespace varimesh::detail

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/layers/columns.h"
+#include "core/layers/flat_sides.h"
 #include "core/options/options.h"
 
 namespace varimesh::detail {
@@ -41,7 +42,8 @@ struct Placement {
 /// shifted by a share of its distance from that surface: 0 at the lower level of the cell and 1 at the upper one.
 ///
 /// @param fixed  by node, whether it must stay
+/// @param sides  on which fixed nodes may move; they stay on these sides
 Placement place_in_layers(const HighOrderMesh& mesh, const Columns& columns, LayerSpacing spacing,
-                          const std::vector<bool>& fixed);
+                          const std::vector<bool>& fixed, const FlatSides& sides = {});
 
 }  // namespace varimesh::detail

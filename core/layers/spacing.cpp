@@ -12,7 +12,7 @@ using Vector = Eigen::Vector3d;
 
 /// The height, relative to the wall's edges, at which the grading has half of its weight. In higher cells waves lose
 /// accuracy by it, at order 2 sooner than at higher orders (docs/accuracy.md).
-double fades_at(int order) { return order == 2 ? 1.2 : 1.75; }
+double fades_at(int order) { return order == 2 ? 0.9 : order == 3 ? 1.2 : 1.3; }
 /// The share of the growth that the nodes follow. If they follow all of it, solutions that decay faster than an
 /// exponential lose more, and exponentials gain hardly more.
 constexpr double kShareOfGrowth = 0.6;

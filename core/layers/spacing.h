@@ -26,8 +26,8 @@ double graded_share(double xi, double growth, double height, double size, int or
 /// heights above and below the cell, or g the ratio to its only neighbour, and α = .6. With α = 1 and a geometric
 /// progression of heights, t would be the same smooth function through all layers, in which exp(−n/δ) is nearly a
 /// polynomial; with .6 other solutions gain too. The nodes go to (1 − w) e + w t, with the even spacing e = ξ and
-/// w = 1/(1 + (h/h₀)⁴), which fades where a cell of height h is no longer thin: h₀ = 1.75 times `size`, or 1.2 times at
-/// order 2.
+/// w = 1/(1 + (h/h₀)⁴), which fades where a cell of height h is no longer thin: h₀ = 1.3 times `size`, or 1.2 times at
+/// order 3 and .9 times at order 2.
 ///
 /// @param points  of the column, P per cell and one more, lowest first; those above the last whole cell stay
 /// @param cells   how many of its cells are whole

@@ -1,9 +1,12 @@
 #include <BRepTools.hxx>
 #include <BRep_Tool.hxx>
 #include <Geom_BSplineSurface.hxx>
+#include <Geom_ConicalSurface.hxx>
 #include <Geom_Plane.hxx>
 #include <Geom_RectangularTrimmedSurface.hxx>
 #include <Geom_Surface.hxx>
+#include <Geom_SurfaceOfRevolution.hxx>
+#include <Geom_ToroidalSurface.hxx>
 #include <Precision.hxx>
 #include <Standard_Failure.hxx>
 #include <algorithm>
@@ -78,6 +81,38 @@ void extend(double period, double least, double most, Range& range) {
   }
 }
 
+/// A surface that is turned around an axis in u may reach the axis, as a cone does at its tip. Beyond, it goes on with
+/// another part, which is not the face's. Ends the margins there.
+void end_at_axis(const Handle(Geom_Surface) & surface, double u, Range& v) {
+  constexpr int kSteps = 64, kHalvings = 50;
+  if (Handle(Geom_ConicalSurface)::DownCast(surface).IsNull() &&
+      Handle(Geom_ToroidalSurface)::DownCast(surface).IsNull() &&
+      Handle(Geom_SurfaceOfRevolution)::DownCast(surface).IsNull())
+    return;
+  const auto around = [&](double at) {
+    gp_Pnt x;
+    gp_Vec du, dv;
+    surface->D1(u, at, x, du, dv);
+    return du;
+  };
+  const gp_Vec inside = around(v.first + 0.5 * v.length());
+  const auto shorten = [&](double end, double sense, double& margin) {
+    for (int step = 1; step <= kSteps; ++step) {
+      double beyond = margin * step / kSteps;
+      if (around(end + sense * beyond) * inside > 0) continue;
+      double before = margin * (step - 1) / kSteps;
+      for (int half = 0; half < kHalvings; ++half) {
+        const double middle = 0.5 * (before + beyond);
+        (around(end + sense * middle) * inside > 0 ? before : beyond) = middle;
+      }
+      margin = before;
+      return;
+    }
+  };
+  shorten(v.first, -1, v.margin_before);
+  shorten(v.last, 1, v.margin_after);
+}
+
 }  // namespace
 
 std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face, SharedPatches& shared) {
@@ -100,6 +135,7 @@ std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& f
   const double v_period = surface->IsVPeriodic() ? surface->VPeriod() : 0;
   extend(u_period, u_least, u_most, u);
   extend(v_period, v_least, v_most, v);
+  end_at_axis(surface, u.first, v);
   return std::make_shared<FaceSurface>(face, surface, shared.of(surface), u, v, u_period, v_period);
 }
 

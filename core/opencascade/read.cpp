@@ -25,25 +25,16 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <vector>
 
+#include "core/geometry/cad/file_kind.h"
 #include "core/geometry/plugin.h"
 #include "core/opencascade/shapes.h"
 
 namespace varimesh::cad {
 namespace {
 
-enum class Kind { Unknown, Step, Iges, Brep, Binary };
-
-/// By content, since endings lie. A STEP file begins with ISO-10303-21, a BREP file and OpenCASCADE's binary format
-/// name themselves in their first lines, and an IGES file has the letter S in column 73 of its first line.
-Kind kind_of(const std::string& head) {
-  if (head.find("ISO-10303-21") != std::string::npos) return Kind::Step;
-  if (head.find("Open CASCADE Topology") < 16) return Kind::Binary;
-  if (head.find("DBRep_DrawableShape") != std::string::npos || head.find("CASCADE Topology") != std::string::npos)
-    return Kind::Brep;
-  const std::string first = head.substr(0, head.find_first_of("\r\n"));
-  return first.size() >= 73 && first[72] == 'S' ? Kind::Iges : Kind::Unknown;
-}
+using Kind = geometry::CadFileKind;
 
 /// What a file says about its unit of length. Everything is read in millimetres.
 std::string units_note(STEPControl_Reader& reader) {
@@ -67,26 +58,25 @@ std::string units_note(IGESControl_Reader& reader) {
 std::string faces_text(int count) { return std::to_string(count) + (count == 1 ? " face" : " faces"); }
 
 /// Which bodies and shells were taken, if there is more than one body.
-std::string bodies_note(const TopoDS_Shape& shape) {
+void note_bodies(const TopoDS_Shape& shape, FileFacts& facts) {
   TopTools_IndexedMapOfShape solids, faces;
   TopExp::MapShapes(shape, TopAbs_SOLID, solids);
   TopExp::MapShapes(shape, TopAbs_FACE, faces);
   TopTools_IndexedMapOfShape of_solids;
   for (int i = 1; i <= solids.Extent(); ++i) TopExp::MapShapes(solids(i), TopAbs_FACE, of_solids);
   const int loose = faces.Extent() - of_solids.Extent();
-  std::string note;
-  if (solids.Extent() > 1) note = "The geometry has " + std::to_string(solids.Extent()) + " bodies; all are taken.\n";
+  if (solids.Extent() > 1)
+    facts.bodies = "The geometry has " + std::to_string(solids.Extent()) + " bodies; all are taken.\n";
   if (loose > 0 && solids.Extent() > 0)
-    note += faces_text(loose) + " of the geometry outside of its bodies: taken too.\n";
+    facts.loose = faces_text(loose) + " of the geometry outside of its bodies: taken too.\n";
   if (solids.Extent() == 0 && loose > 0) {
     int open = 0;
     for (TopExp_Explorer at(shape, TopAbs_SHELL); at.More(); at.Next())
       open += BRep_Tool::IsClosed(at.Current()) ? 0 : 1;
-    note = "The geometry has no body, only " + faces_text(loose) +
-           (open > 0 ? " in " + std::to_string(open) + " open shell" + (open > 1 ? "s" : "") : "") +
-           "; all are taken.\n";
+    facts.loose = "The geometry has no body, only " + faces_text(loose) +
+                  (open > 0 ? " in " + std::to_string(open) + " open shell" + (open > 1 ? "s" : "") : "") +
+                  "; all are taken.\n";
   }
-  return note;
 }
 
 template <class Reader>
@@ -98,6 +88,7 @@ bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, Fi
     return false;
   }
   facts.notes += units_note(reader);
+  facts.has_unit = true;
   reader.TransferRoots();
   shape = reader.OneShape();
   if (!shape.IsNull()) {
@@ -111,10 +102,10 @@ bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, Fi
 bool read_any(const std::string& path, TopoDS_Shape& shape, FileFacts& facts, std::string& error) {
   Message::DefaultMessenger()->RemovePrinters(STANDARD_TYPE(Message_PrinterOStream));
   std::ifstream file(path, std::ios::binary);
-  std::string head(1024, '\0');
+  std::string head(geometry::kBytesOfKind, '\0');
   file.read(head.data(), static_cast<std::streamsize>(head.size()));
   head.resize(static_cast<std::size_t>(file.gcount()));
-  switch (kind_of(head)) {
+  switch (geometry::kind_of_cad_file(head)) {
     case Kind::Step: {
       // A file that was cut off lacks its last line. The reader would take what there is.
       file.clear();
@@ -164,7 +155,7 @@ bool read_binary(std::string_view bytes, TopoDS_Shape& shape, std::string& error
 
 bool read_shape(const std::string& path, TopoDS_Shape& shape, FileFacts& facts, std::string& error) {
   if (!read_any(path, shape, facts, error)) return false;
-  facts.notes += bodies_note(shape);
+  note_bodies(shape, facts);
   return true;
 }
 
@@ -185,6 +176,7 @@ class Builder {
     }
     add_curves(result);
     for (int i = 1; i <= faces_.Extent(); ++i) add_surface(i, result);
+    note_left_out(result);
   }
 
  private:
@@ -208,7 +200,7 @@ class Builder {
     surface.tag = number;
     surface.shape = surface_shape(TopoDS::Face(faces_(number)), patches_);
     if (surface.shape == nullptr) {
-      result.notes.push_back("Face " + std::to_string(number) + " of the geometry has no surface with parameters.");
+      left_out_.push_back(number);
       return;
     }
     const int index = static_cast<int>(result.surfaces.size());
@@ -222,7 +214,20 @@ class Builder {
     result.surfaces.push_back(std::move(surface));
   }
 
+  /// One sentence about all faces without a surface.
+  void note_left_out(geometry::Geometry& result) const {
+    constexpr std::size_t kShown = 10;
+    if (left_out_.empty()) return;
+    std::string text = left_out_.size() == 1 ? "Face " : "Faces ";
+    for (std::size_t i = 0; i < std::min(left_out_.size(), kShown); ++i)
+      text += (i > 0 ? ", " : "") + std::to_string(left_out_[i]);
+    if (left_out_.size() > kShown) text += " and " + std::to_string(left_out_.size() - kShown) + " more";
+    result.notes.push_back(text + " of the geometry " + (left_out_.size() == 1 ? "has" : "have") +
+                           " no surface with parameters.");
+  }
+
   TopTools_IndexedMapOfShape vertices_, edges_, faces_;
+  std::vector<int> left_out_;  ///< The numbers of faces without a surface.
   SharedPatches patches_;
   std::map<int, int> place_;  ///< Of an edge's number: its index in Geometry::curves.
 };

@@ -26,9 +26,12 @@ std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& f
 
 /// What a file has besides its shape.
 struct FileFacts {
-  /// Lines that say what was taken, if a reader might expect something else: several bodies, open shells, units.
+  /// Lines that say what was taken, if a reader might expect something else.
   std::string notes;
+  std::string bodies;  ///< The same about several bodies.
+  std::string loose;   ///< The same about faces outside of bodies, and open shells.
   FaceNames names;
+  bool has_unit = false;  ///< Of length. What has one is read in millimetres.
 };
 
 /// Reads a STEP, IGES or BREP file, or one in OpenCASCADE's binary format. Returns false, with a sentence in `error`,

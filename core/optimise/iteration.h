@@ -29,6 +29,7 @@ struct Iteration {
   int products = 0;                      ///< Products of the Hessian and a vector: conjugate-gradient iterations, in
                                          ///< Phase::Accuracy too.
   LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.
+  bool on_device = false;                        ///< A device has made it: a Newton step of a run with Options::device.
   double seconds = 0;                            ///< Since the optimisation began.
   /// Groups of tetrahedra without room that the last look for splits has found; −1 before any look.
   std::int64_t groups_left = -1;

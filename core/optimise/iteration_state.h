@@ -9,7 +9,7 @@ namespace varimesh {
 template <class Archive>
 void iteration_state(Archive& archive, Iteration& i) {
   archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,
-          i.repairable_elements, i.left_elements, i.active_nodes, i.products, i.linear_solve, i.seconds);
+          i.repairable_elements, i.left_elements, i.active_nodes, i.products, i.linear_solve, i.on_device, i.seconds);
 }
 
 }  // namespace varimesh

@@ -16,6 +16,7 @@
 #include "core/mesh/check.h"
 #include "core/mesh/checked_mesh.h"
 #include "core/mesh/node_parameters.h"
+#include "core/optimise/device/device_choice.h"
 #include "core/optimise/run.h"
 #include "core/optimise/sequences/attempts.h"
 #include "core/optimise/sequences/splitting.h"
@@ -114,6 +115,12 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl contro
     return tell ? tell(iteration) : Control::Continue;
   };
   if (options.time_limit > 0) stop.stop_after(options.time_limit - set_up.seconds);
+  std::optional<DeviceOfRun> device;
+  if (!control.has_chosen_device) {
+    device.emplace(options, set_up.summary.elements, control.open_device);
+    control.device = device->get();
+    control.has_chosen_device = true;
+  }
   const bool may_split = splits(options.repair) && options.max_iterations > 0;
   if (may_split) set_up.seconds = 0;
   Result result = may_split ? optimise_by_splitting(set_up, on_iteration, control, stop)
@@ -122,6 +129,7 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl contro
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
   result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result, others));
+  if (device) device->tell(result.device, result.notes);
   note_missed_bound(set_up, result);
   keep_orientation(set_up, result);
   return result;

@@ -3,11 +3,13 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string_view>
 
 #include "core/base/spare_memory.h"
 #include "core/base/work_meter.h"
+#include "core/device/device.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/iteration.h"
 #include "core/validity/certificate.h"
@@ -15,6 +17,9 @@
 namespace varimesh {
 
 class Forecast;
+namespace device {
+class RunDevice;
+}
 
 enum class Control : std::uint8_t { Continue, Stop };
 
@@ -56,6 +61,13 @@ struct RunControl {
   std::function<bool()> stop_asked;
   /// Counts the work inside iterations and between them. It must outlive the run; null: nobody wants to know.
   WorkMeter* meter = nullptr;
+  /// Makes the device if Options::device asks for one; a fault says why there is none. Empty: the first card of this
+  /// machine.
+  std::function<device::Possible<std::unique_ptr<device::Device>>()> open_device;
+  /// The device of the run; null: it has none. Set by optimise().
+  device::RunDevice* device = nullptr;
+  /// The run is a part of another, which has chosen `device` and says so in its result. Set by optimise().
+  bool has_chosen_device = false;
   /// Told what the run does, to say how long it will still take; null: nobody wants to know. Set by optimise().
   Forecast* forecast = nullptr;
   /// Asked for the Hessians of untangling if they need more than memory_needed() counts on. Without it the result is

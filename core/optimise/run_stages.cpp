@@ -74,7 +74,8 @@ StageContext Run::context() {
           set_up_.mesh,
           control_.shallow_untangling ? kOneLayer : Untangler::Depth(),
           control_.meter,
-          control_.spare_memory};
+          control_.spare_memory,
+          control_.device};
 }
 
 std::optional<StopReason> Run::begin() {
@@ -190,7 +191,7 @@ double Run::consider() {
   double bound = 0;
   team_.run([&] {
     guard_->certify_moved();
-    bound = best_->examine(*guard_, threshold::kGapOfWorst, team_.stop());
+    bound = best_->examine(*guard_, threshold::kGapOfWorst, team_);
   });
   if (best_->examined_is_better() && scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean >= best_->least_mean)
     best_->keep_examined();
@@ -209,7 +210,7 @@ bool Run::has_minimum_to_raise() {
   team_.run([&] {
     guard_->certify_moved();
     guard_->restore_lost();
-    best_->examine(*guard_, threshold::kGapOfWorst, team_.stop());
+    best_->examine(*guard_, threshold::kGapOfWorst, team_);
   });
   if (!best_->examined_is_valid()) return false;
   best_->least_mean = scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean - threshold::kMeanGivenForWorst;
@@ -312,7 +313,7 @@ void Run::settle() {
     if (ended_by_itself(result_.stop_reason) && !untangle_lost()) grace_.say_stopped(result_);
     guard_->restore_lost();
     if (guard_->return_to_best()) deny_convergence();
-    if (options_.until_js > 0) best_->consider(*guard_, team_.stop());
+    if (options_.until_js > 0) best_->consider(*guard_, team_);
   });
 }
 
@@ -333,7 +334,8 @@ void Run::take_most_accurate() {
 
 void Run::take_mesh() {
   certificates_ = guard_->certificates();
-  const Merit at_end = merit_of(summarise(certificates_));
+  Merit at_end;
+  team_.run([&] { at_end = merit_of(summarise(certificates_, team_.without_stop())); });
   const bool keeps_best = options_.until_js > 0 || set_up_.stages.size() > 1;
   const bool takes_best = keeps_best && !best_->coordinates().empty() && !is_better(at_end, best_->merit());
   result_.proof_seconds += guard_->seconds();

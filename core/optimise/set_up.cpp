@@ -55,15 +55,17 @@ Expected<void> prepare(CheckedMesh& of, const Options& options, const Team& team
 }
 
 /// Brings layers into form, and fixes their nodes (core/layers/layers.h), if the objective is accuracy and the elements
-/// aim at their straight-sided shapes. A mesh that came in valid keeps its nodes, so there is nothing to be moved in
-/// it.
+/// aim at their straight-sided shapes. A mesh that came in valid keeps its nodes if the spacing is kept.
 void start_with_layers(SetUp& set_up, const Team& team) {
   const Options& options = set_up.options;
   const bool is_wanted = options.objective == Objective::Accuracy && options.target == Target::StraightSided &&
                          options.method == Method::Auto && options.max_iterations > 0 && !splits(options.repair);
   if (!is_wanted) return;
-  team.run(
-      [&] { set_up.layers = start_layers(set_up.mesh, set_up.facets, set_up.fixed, options.layer_spacing, team); });
+  const bool names_fixed_nodes = !options.fix.empty() || !options.fix_nodes.empty() || options.region_below > 0;
+  team.run([&] {
+    set_up.layers = start_layers(set_up.mesh, set_up.facets, set_up.fixed, options.layer_spacing,
+                                 names_fixed_nodes ? OnFlatSides::Stay : OnFlatSides::Slide, team);
+  });
   if (!set_up.layers.coordinates.empty()) {
     set_up.as_it_came = std::move(set_up.mesh.coordinates);
     set_up.mesh.coordinates = std::move(set_up.layers.coordinates);

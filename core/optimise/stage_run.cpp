@@ -46,6 +46,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       depth_(context.untangling_depth),
       meter_(context.meter),
       spare_memory_(context.spare_memory),
+      device_(context.device),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
@@ -79,6 +80,7 @@ std::optional<StopReason> StageRun::step() {
   ++iteration_.number;
   iteration_.products = 0;
   iteration_.linear_solve = LinearSolve::None;
+  iteration_.on_device = false;
   full_step_ = false;
   MethodOutcome outcome = iteration_.phase == Phase::Sweeps   ? sweep()
                           : iteration_.phase == Phase::Newton ? newton_step()
@@ -114,6 +116,7 @@ StageRun::MethodOutcome StageRun::newton_step() {
   iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
   iteration_.products = stepped.products;
   iteration_.linear_solve = stepped.linear_solve;
+  iteration_.on_device = newton().is_on_device();
   full_step_ = stepped.damping == 1 && stepped.linear_solve != LinearSolve::NegativeCurvature;
   return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, stepped.converged};
 }
@@ -149,7 +152,10 @@ std::optional<StageRun::MethodOutcome> StageRun::raise() {
 
 Newton& StageRun::newton() {
   if (newton_) return *newton_;
-  newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
+  if (device_ != nullptr)
+    newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_, *device_, material(options_));
+  else
+    newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
   newton_->count_with(meter_, point_operations(material(options_), problem_.dimension));
   if (began_ > 0) newton_->solve_roughly(kMostProductsOfALaterStage);
   if (!rested_newton_.empty()) {
@@ -208,9 +214,9 @@ void StageRun::record(const MethodOutcome& outcome) {
 
 void StageRun::prove_bound() {
   if (options_.until_js > 0)
-    bound_ = best_.consider(guard_, team_.stop());
+    bound_ = best_.consider(guard_, team_);
   else if (stopper_.asks_for_proof(iteration_))
-    bound_ = best_.examine(guard_, Certifier::kMinimumGap, team_.stop());
+    bound_ = best_.examine(guard_, Certifier::kMinimumGap, team_);
 }
 
 std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome) {

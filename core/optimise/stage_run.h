@@ -38,6 +38,7 @@ struct StageContext {
   Untangler::Depth untangling_depth = {};  ///< Layers of cells in the patches of untangling.
   WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; null: nobody wants to know.
   SpareMemory spare_memory = {};           ///< For the Hessians of untangling.
+  device::RunDevice* device = nullptr;     ///< For Newton's method; null: there is none.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -140,6 +141,7 @@ class StageRun {
   Untangler::Depth depth_;
   WorkMeter* meter_;
   const SpareMemory spare_memory_;
+  device::RunDevice* const device_;
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;

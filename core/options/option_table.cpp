@@ -32,6 +32,7 @@ constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
 constexpr Words kColouring[] = {"group", "node"};
 constexpr Words kUntil[] = {"tolerance", "valid"};
 constexpr Words kLayerSpacing[] = {"keep", "even", "graded"};
+constexpr Words kDevice[] = {"cpu", "gpu", "auto"};
 constexpr Words kRepair[] = {"none", "report", "split", "straighten", "refine", "topology"};
 constexpr Words kObjective[] = {"energy", "worst", "accuracy", "auto"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
@@ -95,6 +96,9 @@ const std::array kTable{
            "Stop when this many seconds have passed, with the best mesh so far; 0: never"),
     number("threads", &Options::threads, upto(4096), "1 to 4096, or 0 for all",
            "How many threads to use; the result does not depend on it; 0: all of the machine's"),
+    row("device", choice<DeviceChoice, &Options::device>(kDevice),
+        "Where steps of Newton's method are made: on the processor, on a graphics card (on the processor if there is "
+        "none), or (auto) on a card if there is one and the mesh has at least 50,000 elements"),
     number("quadrature_degree", &Options::quadrature_degree, upto(6 * kMaxOrder), "up to 60, or 0 for twice the order",
            "The degree that the quadrature integrates exactly; 0: twice the order"),
     row("objective", choice<Objective, &Options::objective>(kObjective),

@@ -76,6 +76,13 @@ enum class Per : std::uint8_t {
   Vertex,  ///< One value per vertex, by node number; linear between vertices.
 };
 
+/// Where Newton's method has its vectors (docs/device.md).
+enum class DeviceChoice : std::uint8_t {
+  Cpu,   ///< On the processor.
+  Gpu,   ///< On a graphics card. A run that cannot have one goes on on the processor, and says so.
+  Auto,  ///< On a graphics card if there is one and the mesh is large enough (core/optimise/device/device_choice.h).
+};
+
 /// What is done about elements that no movement of free nodes can repair.
 enum class Repair : std::uint8_t {
   None,        ///< Names them and treats them like any other element, at the cost of their neighbours.
@@ -134,6 +141,7 @@ struct Options {
                           ///< proved minimum. Below 1.
   double time_limit = 0;  ///< Stop when this many seconds have passed; 0: never.
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
+  DeviceChoice device = DeviceChoice::Cpu;
   Objective objective = Objective::Auto;
   double min_js = 0.1;  ///< Objective::Accuracy only: the scaled Jacobian that every cell is to have at least, from 0
                         ///< to below 1. If no mesh of the run has it, the result has the least loss among those with at

@@ -7,12 +7,15 @@
 
 #include "core/base/index.h"
 #include "core/kernels/hessian/fixed_point_16.h"
+#include "core/problem/clusters/first_fit.h"
 #include "core/reference/basis.h"
 
 namespace varimesh {
 namespace {
 
-constexpr std::int32_t kNodesPerTask = 128;  // small, since there are many small colours
+constexpr std::int32_t kNodesPerTask = 128;     // small, since there are many small colours
+constexpr std::int32_t kNodesPerChunk = 16384;  // that are coloured together
+constexpr std::size_t kFloatsPerTask = 16384;
 constexpr double kNothing = 1e-34;  // blocks are at most about 1; the inverse of a smaller one may not fit a float
 
 /// Replaces v by L v, given L⁻¹; by 0 if that is 0.
@@ -41,30 +44,26 @@ int coarse_order(const Problem& problem) {
   return is_linear ? 1 : 2;
 }
 
-/// Colours the nodes so that those of a cell all differ, greedily in the order of their numbers, and renumbers them by
-/// colour. Returns colours + 1 numbers: where each colour's nodes begin.
-std::vector<std::int32_t> sort_by_colour(CoarseSpace& space, const Team& team) {
+/// Colours the nodes so that those of a cell all differ, and renumbers them by colour. Returns colours + 1 numbers:
+/// where each colour's nodes begin.
+std::vector<std::int32_t> colour_nodes(const Problem& problem, CoarseSpace& space, const Team& team) {
   const NodeCells cells = node_cells(space, team);
-  std::vector<std::int32_t> colour_of(at(space.count), -1), used_by;  // used_by: by colour, the last node beside it
-  for (std::int32_t node = 0; node < space.count; ++node) {
-    for (std::int64_t p = cells.begin[at(node)]; p < cells.begin[at(node) + 1]; ++p) {
-      const Incidence& in = cells.incidences[at(p)];
-      const CoarseSpace::Set& set = space.sets[at(in.set)];
-      const std::int32_t* others = set.nodes.data() + at(in.cell) * at(set.nodes_per_cell);
-      for (int n = 0; n < set.nodes_per_cell; ++n)
-        if (others[n] >= 0 && colour_of[at(others[n])] >= 0) used_by[at(colour_of[at(others[n])])] = node;
-    }
-    const auto free = std::find_if(used_by.begin(), used_by.end(), [&](std::int32_t by) { return by != node; });
-    colour_of[at(node)] = static_cast<std::int32_t>(free - used_by.begin());
-    if (free == used_by.end()) used_by.push_back(-1);
-  }
-  std::vector<std::int32_t> colours(used_by.size() + 1, 0);
-  for (const std::int32_t colour : colour_of) ++colours[at(colour) + 1];
-  for (std::size_t colour = 0; colour < used_by.size(); ++colour) colours[colour + 1] += colours[colour];
-  std::vector<std::int32_t> next(colours.begin(), colours.end() - 1);
-  for (std::int32_t& colour : colour_of) colour = next[at(colour)]++;  // now the node's number
-  renumber(space, colour_of, team);
-  return colours;
+  const auto for_cells_of = [&](std::int32_t node, const auto& use) {
+    for (std::int64_t p = cells.begin[at(node)]; p < cells.begin[at(node) + 1]; ++p)
+      use(problem.sets[at(cells.incidences[at(p)].set)].first + cells.incidences[at(p)].cell);
+  };
+  const auto for_nodes_of = [&](std::int32_t cell, const auto& use) {
+    std::size_t s = problem.sets.size() - 1;
+    while (problem.sets[s].first > cell) --s;
+    const CoarseSpace::Set& set = space.sets[s];
+    const std::int32_t* nodes = set.nodes.data() + at(cell - problem.sets[s].first) * at(set.nodes_per_cell);
+    for (int n = 0; n < set.nodes_per_cell; ++n)
+      if (nodes[n] >= 0) use(nodes[n]);
+  };
+  const FirstFitSizes sizes{space.count, problem.cells, kNodesPerChunk};
+  ColourPlaces places = sort_by_colour(first_fit(sizes, for_cells_of, for_nodes_of, team), team);
+  renumber(space, places.place, team);
+  return std::move(places.begin);
 }
 
 }  // namespace
@@ -74,7 +73,7 @@ CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches,
       batches_(batches),
       team_(team),
       space_(coarse_space(problem, coarse_order(problem), team)),
-      colours_(sort_by_colour(space_, team)),
+      colours_(colour_nodes(problem, space_, team)),
       cells_(node_cells(space_, team)),
       linear_(problem, space_, cells_, team),
       pattern_(node_pattern(space_, cells_, false, team)),
@@ -86,9 +85,14 @@ CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches,
   const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
   entry_.resize(pattern_.column.size() * d * d + 1);
   inverse_factor_.resize(static_cast<std::size_t>(space_.count) * d * d + 1);
-  r_.resize(floats);
-  x_.resize(floats);
-  residual_.resize(floats);
+  entry_.back() = 0;
+  inverse_factor_.back() = 0;
+  for (UntouchedVector<float>* vector : {&r_, &x_, &residual_}) {
+    vector->resize(floats);
+    team.for_ranges(floats, kFloatsPerTask, [&](std::size_t begin, std::size_t end) {
+      std::fill_n(vector->data() + begin, end - begin, 0.0F);
+    });
+  }
   rows_ = {pattern_.begin.data(), pattern_.column.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
 }
 

@@ -41,6 +41,13 @@ class CoarseLevel {
   /// Reads or writes what the matrix is made from, if it will be used again (`is_used`).
   template <class Archive>
   void state(Archive& archive, bool is_used) {
+    tensors_state(archive, is_used);
+    if constexpr (Archive::kReads)
+      if (is_used) make_matrix();
+  }
+  /// The same, and leaves the matrix to those who run the cycle elsewhere.
+  template <class Archive>
+  void tensors_state(Archive& archive, bool is_used) {
     for (std::vector<float>& tensors : tensors_) {
       const std::size_t size = tensors.size();
       if (is_used) archive(tensors);
@@ -48,8 +55,6 @@ class CoarseLevel {
         if (tensors.size() != size) archive.fail();
       tensors.resize(size);
     }
-    if constexpr (Archive::kReads)
-      if (is_used) make_matrix();
   }
 
   /// By set: what assemble() took from the cells, as HessianKernels::mean_tensors.
@@ -62,6 +67,18 @@ class CoarseLevel {
   /// The coarse nodes, and the result of solve(): padded(d) floats for each.
   const CoarseSpace& space() const { return space_; }
   const float* solution() const { return x_.data(); }
+
+  // For those who run the cycle elsewhere (on_device): what it needs, in this class's own numbering.
+  const std::vector<std::int32_t>& colours() const { return colours_; }
+  const NodeCells& cells() const { return cells_; }
+  const NodePattern& pattern() const { return pattern_; }
+  const std::vector<SparseRows>& to_coarse() const { return to_coarse_; }
+  const LinearLevel& linear() const { return linear_; }
+  std::vector<std::vector<float>>& tensors_to_fill() { return tensors_; }
+  /// Assembles only the level of order 1, from the tensors.
+  void assemble_below() {
+    if (linear_.is_used()) linear_.assemble(tensors_);
+  }
 
  private:
   /// Assembles the matrices of both levels from the tensors.
@@ -103,10 +120,10 @@ class CoarseLevel {
   LinearLevel linear_;
   std::vector<SparseRows> to_coarse_;        ///< By set: the transpose of its values.
   NodePattern pattern_;                      ///< Of the matrix's blocks, without the diagonal.
-  AlignedVector<std::int16_t> entry_;        ///< As BlockRows::entry.
-  AlignedVector<float> inverse_factor_;      ///< L⁻¹: d columns of d per node, and one more number; 0 if K_ii is 0.
+  UntouchedVector<std::int16_t> entry_;      ///< As BlockRows::entry.
+  UntouchedVector<float> inverse_factor_;    ///< L⁻¹: d columns of d per node, and one more number; 0 if K_ii is 0.
   std::vector<std::vector<float>> tensors_;  ///< By set: as HessianKernels::mean_tensors.
-  AlignedVector<float> r_, x_, residual_;    ///< padded(d) per node.
+  UntouchedVector<float> r_, x_, residual_;  ///< padded(d) per node.
   BlockRows rows_{};                         ///< Points to the arrays above.
   std::unique_ptr<CoarseKernels> kernels_;
 };

@@ -1,11 +1,11 @@
 #include "core/preconditioner/coarse_space.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <limits>
 
 #include "core/base/index.h"
+#include "core/base/shared_work.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
 #include "core/reference/quadrature.h"
@@ -31,14 +31,6 @@ std::vector<std::vector<int>> fine_companions(Shape shape, int order, int fine_o
   return companions;
 }
 
-/// Lowers `number` to `to` if that is lower, from several threads at once.
-void lower_to(std::int32_t& number, std::int32_t to) {
-  const std::atomic_ref<std::int32_t> lowest(number);
-  std::int32_t before = lowest.load(std::memory_order_relaxed);
-  while (to < before && !lowest.compare_exchange_weak(before, to, std::memory_order_relaxed)) {
-  }
-}
-
 /// Sets CoarseSpace::Set::nodes to keys, −1 for fixed nodes: the key of a coarse node is the lowest mesh node in its
 /// vertex, edge, face or interior, whichever cell asks. Lowers `first` of each key to the first cell that has it.
 void set_keys(const CellSet& cells, const std::vector<bool>& is_free, int order, const Team& team,
@@ -53,7 +45,7 @@ void set_keys(const CellSet& cells, const std::vector<bool>& is_free, int order,
         keys[a] = std::numeric_limits<std::int32_t>::max();
         for (const int n : companions[a]) keys[a] = std::min(keys[a], nodes[n]);
         if (is_free[at(keys[a])])
-          lower_to(first[at(keys[a])], static_cast<std::int32_t>(at(cells.first) + cell));
+          lower_to(first[at(keys[a])], static_cast<std::int32_t>(at(cells.first) + cell), team);
         else
           keys[a] = -1;
       }
@@ -124,10 +116,6 @@ SparseRows values_at_nodes(const CellSet& cells, int order) {
 }
 
 constexpr std::size_t kNodesPerTask = 1024;
-
-std::int64_t add_one(std::int64_t& count) {
-  return std::atomic_ref<std::int64_t>(count).fetch_add(1, std::memory_order_relaxed);
-}
 
 /// Calls body(set, i) for entry i of each set's nodes that is not −1, from several threads at once.
 template <class Body>
@@ -203,18 +191,18 @@ NodeCells node_cells(const CoarseSpace& space, const Team& team) {
   NodeCells out;
   const std::size_t nodes = at(space.count);
   out.begin.assign(nodes + 1, 0);
-  for_nodes(space, team, [&](std::size_t s, std::size_t i) { add_one(out.begin[at(space.sets[s].nodes[i]) + 1]); });
-  for (std::size_t node = 0; node < nodes; ++node) out.begin[node + 1] += out.begin[node];
-  out.incidences.resize(at(out.begin[nodes]));
-  std::vector<std::int64_t> next(out.begin.begin(), out.begin.end() - 1);
+  for_nodes(space, team, [&](std::size_t s, std::size_t i) { count_up(out.begin[at(space.sets[s].nodes[i])], team); });
+  out.incidences.resize(at(sums_before(out.begin)));
+  std::vector<std::int64_t> next = out.begin;
   for_nodes(space, team, [&](std::size_t s, std::size_t i) {
     const std::size_t per_cell = at(space.sets[s].nodes_per_cell);
-    out.incidences[at(add_one(next[at(space.sets[s].nodes[i])]))] = {
+    out.incidences[at(count_up(next[at(space.sets[s].nodes[i])], team))] = {
         static_cast<std::int32_t>(i / per_cell), static_cast<std::int16_t>(s), static_cast<std::int16_t>(i % per_cell)};
   });
   const auto is_before = [](const Incidence& a, const Incidence& b) {
     return a.set != b.set ? a.set < b.set : a.cell < b.cell;
   };
+  if (team.threads() == 1) return out;
   team.for_ranges(nodes, kNodesPerTask, [&](std::size_t first, std::size_t last) {
     for (std::size_t node = first; node < last; ++node)
       std::sort(out.incidences.begin() + out.begin[node], out.incidences.begin() + out.begin[node + 1], is_before);

@@ -29,6 +29,13 @@ class LinearLevel {
   /// Assembles the matrix and sets up multigrid for it. `tensors`: by set, as HessianKernels::mean_tensors.
   void assemble(const std::vector<std::vector<float>>& tensors);
 
+  /// For those who run the cycle elsewhere: the number of vertices, the values at the nodes above from those at the
+  /// vertices, the transpose, and the levels below.
+  std::int32_t vertices() const { return space_.count; }
+  const SparseRows& to_above() const { return to_above_; }
+  const SparseRows& from_above() const { return from_above_; }
+  const Multigrid& multigrid() const { return multigrid_; }
+
   /// Restricts a residual (padded(d) floats per node above) and solves.
   void solve(const float* residual);
 

@@ -3,12 +3,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 namespace varimesh {
 namespace {
 
-constexpr std::int32_t kNodesPerTask = 2048;
+constexpr std::size_t kNodesPerTask = 2048, kFloatsPerTask = 16384;
 constexpr double kLeastEigenvalue = 1e-3;  // of a block, relative to its largest
 constexpr double kNothing = 1e-34;  // the largest blocks are about 1; the inverse of a smaller one may not fit a float
 
@@ -44,7 +43,11 @@ Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchSet>& ba
       stretched_(problem, batches, StretchedCells::most_cells(problem), team),
       kernels_(make_coarse_kernels(problem.dimension)),
       inverse_blocks_(problem.free.size() * triangle_size(problem.dimension)),
-      partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
+      reduction_(team) {
+  team.for_ranges(inverse_blocks_.size(), kFloatsPerTask, [&](std::size_t begin, std::size_t end) {
+    std::fill_n(inverse_blocks_.data() + begin, end - begin, 0.0F);
+  });
+}
 
 void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& triangle) {
   const int d = problem_.dimension;
@@ -59,7 +62,6 @@ void Preconditioner::assemble(const HessianKernels& hessian, WorkMeter* meter) {
 
 double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
   const std::size_t d = problem_.dimension;
-  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
   // Before z is known, its memory holds r of each node divided by the number of its cells.
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t rank = begin; rank < end; ++rank) {
@@ -68,12 +70,12 @@ double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
     }
   });
   coarse_.solve(z);
-  team_.for_each(static_cast<std::int32_t>(partial_.size()), 1, [&](std::int32_t task) {
-    const std::int32_t first = task * kNodesPerTask, last = std::min(nodes, first + kNodesPerTask);
-    partial_[task] = kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(),
-                                            r.data(), z.data(), first, last);
-  });
-  return std::accumulate(partial_.begin(), partial_.end(), 0.0) + stretched_.add(r, z);
+  const double along =
+      reduction_.sum_of_blocks(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+        return kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(), r.data(),
+                                      z.data(), static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end));
+      });
+  return along + stretched_.add(r, z);
 }
 
 }  // namespace varimesh

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/aligned.h"
+#include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/base/work_meter.h"
 #include "core/kernels/kernels.h"
@@ -53,8 +54,8 @@ class Preconditioner {
   CoarseLevel coarse_;
   StretchedCells stretched_;
   std::unique_ptr<CoarseKernels> kernels_;
-  AlignedVector<float> inverse_blocks_;  ///< By free node: lower triangle by rows.
-  std::vector<double> partial_;          ///< By task: its part of r · z.
+  UntouchedVector<float> inverse_blocks_;  ///< By free node: lower triangle by rows.
+  Reduction reduction_;
 };
 
 }  // namespace varimesh

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <utility>
 
+#include "core/base/exact_sum.h"
 #include "core/base/index.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
@@ -243,14 +244,14 @@ double StretchedCells::add(std::span<const float> r, std::span<float> z) {
     if (groups_[at(g)].inverse_factor.empty()) return;
     d == 2 ? apply<2>(groups_[at(g)], r) : apply<3>(groups_[at(g)], r);
   });
-  double along = 0;
+  ExactSum along;
   for (const Group& group : groups_) {
     if (group.inverse_factor.empty()) continue;
-    along += group.along;
+    along.add(group.along);
     for (std::size_t n = 0; n < group.ranks.size(); ++n)
       for (std::size_t k = 0; k < d; ++k) z[at(group.ranks[n]) * d + k] += group.product[n * d + k];
   }
-  return along;
+  return along.value();
 }
 
 std::vector<std::vector<std::int32_t>> StretchedCells::groups() const {

@@ -54,19 +54,21 @@ class StretchedCells {
   /// on the number of threads. Inside team.run().
   double add(std::span<const float> r, std::span<float> z);
 
-  /// By group: the ranks of its nodes among the free nodes, ascending.
-  std::vector<std::vector<std::int32_t>> groups() const;
-
- private:
-  struct Cell {
-    std::int32_t set, cell;
-  };
   struct Group {
     std::vector<std::int32_t> ranks;
     std::vector<float> weight;          ///< By node: W_p.
     std::vector<float> inverse_factor;  ///< L⁻¹ of K_p = L Lᵀ: lower triangle by rows. Empty: K_p has none.
     std::vector<float> product;         ///< d numbers per node.
     double along = 0;                   ///< r · what the group adds.
+  };
+  const std::vector<Group>& factors() const { return groups_; }
+
+  /// By group: the ranks of its nodes among the free nodes, ascending.
+  std::vector<std::vector<std::int32_t>> groups() const;
+
+ private:
+  struct Cell {
+    std::int32_t set, cell;
   };
 
   double stretching(Cell at, const std::vector<std::vector<float>>& tensors) const;

@@ -8,7 +8,7 @@
 
 #include "core/base/io/large_arrays.h"
 #include "core/base/shared_work.h"
-#include "core/problem/clusters.h"
+#include "core/problem/clusters/clusters.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 
@@ -20,6 +20,7 @@ using reference::NodeSet;
 constexpr std::size_t kClusterBytes = 256 << 10;
 constexpr std::size_t kFewestClusters = 64;
 constexpr std::size_t kCellsPerTask = 1024, kNodesPerTask = 16384;
+constexpr std::int32_t kClustersPerTask = 16;
 
 void fill_tables(CellSet& set, int degree) {
   const int d = set.dimension;
@@ -79,8 +80,9 @@ std::vector<std::int32_t> rank_free_nodes(Problem& problem, const std::vector<bo
 }
 
 /// The threads enter the incidences in any order, so those of a node are sorted afterwards.
-void list_incidences(Problem& problem, const std::vector<bool>& fixed, const Team& team) {
-  const std::vector<std::int32_t> rank = rank_free_nodes(problem, fixed, team);
+///
+/// @param rank by node: its place in problem.free; −1 if it is not free
+void list_incidences(Problem& problem, const std::vector<std::int32_t>& rank, const Team& team) {
   // Calls use(rank, incidence) for all incidences of free nodes.
   const auto for_incidences = [&](const auto& use) {
     for (std::size_t b = 0; b < problem.sets.size(); ++b) {
@@ -147,6 +149,34 @@ std::int32_t cluster_size(const Problem& problem) {
       std::min(kClusterBytes * cells / std::max<std::size_t>(bytes, 1), cells / kFewestClusters), 1, 100000));
 }
 
+/// Sets CellSet::mesh_cell and the clusters. `set_of`: by cell of the mesh.
+void share_out_cells(Problem& problem, const Clusters& clusters, const std::vector<std::int16_t>& set_of,
+                     const Team& team) {
+  const std::size_t sets = problem.sets.size();
+  problem.clusters = static_cast<std::int32_t>(clusters.begin.size()) - 1;
+  problem.cluster.resize(static_cast<std::size_t>(problem.cells));
+  for (CellSet& set : problem.sets) set.mesh_cell.resize(static_cast<std::size_t>(set.count));
+  // By cluster and set: how many cells, then where they begin in the set.
+  std::vector<std::int32_t> next(static_cast<std::size_t>(problem.clusters) * sets, 0);
+  const auto for_clusters = [&](const auto& body) {
+    team.for_each(problem.clusters, kClustersPerTask, [&](std::int32_t cluster) {
+      std::int32_t* of_cluster = next.data() + static_cast<std::size_t>(cluster) * sets;
+      for (std::int32_t i = clusters.begin[cluster]; i < clusters.begin[cluster + 1]; ++i)
+        body(cluster, clusters.cells[i], of_cluster);
+    });
+  };
+  for_clusters([&](std::int32_t, std::int32_t cell, std::int32_t* counts) { ++counts[set_of[cell]]; });
+  for (std::size_t s = 0; s < sets; ++s)
+    for (std::int32_t sum = 0, cluster = 0; cluster < problem.clusters; ++cluster)
+      sum += std::exchange(next[static_cast<std::size_t>(cluster) * sets + s], sum);
+  for_clusters([&](std::int32_t cluster, std::int32_t cell, std::int32_t* places) {
+    CellSet& set = problem.sets[set_of[cell]];
+    const std::int32_t place = places[set_of[cell]]++;
+    set.mesh_cell[place] = cell;
+    problem.cluster[set.first + place] = cluster;
+  });
+}
+
 void fill_sets(Problem& problem, const HighOrderMesh& mesh, const Clusters& clusters, const Team& team) {
   std::vector<const std::int32_t*> nodes(clusters.cells.size());  // by cell of the mesh
   std::vector<std::int16_t> set_of(clusters.cells.size());
@@ -154,21 +184,15 @@ void fill_sets(Problem& problem, const HighOrderMesh& mesh, const Clusters& clus
   for (const ElementBlock& elements : mesh.blocks) {
     if (reference::info(elements.shape).dimension != mesh.dimension || elements.size() == 0) continue;
     const auto set = std::ranges::find(problem.sets, elements.shape, &CellSet::shape);
-    for (std::size_t e = 0; e < elements.size(); ++e) {
-      nodes[first + e] = elements.nodes.data() + e * static_cast<std::size_t>(set->nodes_per_cell);
-      set_of[first + e] = static_cast<std::int16_t>(set - problem.sets.begin());
-    }
+    team.for_ranges(elements.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e) {
+        nodes[first + e] = elements.nodes.data() + e * static_cast<std::size_t>(set->nodes_per_cell);
+        set_of[first + e] = static_cast<std::int16_t>(set - problem.sets.begin());
+      }
+    });
     first += elements.size();
   }
-  problem.cluster.resize(problem.cells);
-  problem.clusters = static_cast<std::int32_t>(clusters.begin.size()) - 1;
-  for (CellSet& set : problem.sets) set.mesh_cell.reserve(set.count);
-  for (std::int32_t cluster = 0; cluster < problem.clusters; ++cluster)
-    for (std::int32_t i = clusters.begin[cluster]; i < clusters.begin[cluster + 1]; ++i) {
-      CellSet& set = problem.sets[set_of[clusters.cells[i]]];
-      problem.cluster[set.first + static_cast<std::int32_t>(set.mesh_cell.size())] = cluster;
-      set.mesh_cell.push_back(clusters.cells[i]);
-    }
+  share_out_cells(problem, clusters, set_of, team);
   for (CellSet& set : problem.sets) {
     set.nodes.resize(static_cast<std::size_t>(set.count) * set.nodes_per_cell);
     team.for_each(set.count, static_cast<std::int32_t>(kCellsPerTask), [&](std::int32_t cell) {
@@ -204,10 +228,13 @@ void drop_deformation(Problem& problem) {
   }
 }
 
-std::vector<double> free_positions(const Problem& problem, std::span<const double> positions) {
+std::vector<double> free_positions(const Problem& problem, std::span<const double> positions, const Team& team) {
   const std::size_t d = problem.dimension;
-  std::vector<double> free(problem.free.size() * d);
-  for (std::size_t f = 0; f < problem.free.size(); ++f) std::copy_n(&positions[problem.free[f] * d], d, &free[f * d]);
+  std::vector<double> free;
+  resize_large(free, problem.free.size() * d);
+  team.without_stop().for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) std::copy_n(&positions[problem.free[f] * d], d, &free[f * d]);
+  });
   return free;
 }
 
@@ -226,8 +253,16 @@ Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
   add_sets(problem, mesh, quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order);
   const Clusters clusters = cluster_cells(mesh, cluster_size(problem), team);
   fill_sets(problem, mesh, clusters, team);
-  list_incidences(problem, fixed, team);
+  list_incidences(problem, rank_free_nodes(problem, fixed, team), team);
   return problem;
+}
+
+void list_incidences(Problem& problem, const Team& team) {
+  std::vector<std::int32_t> rank(problem.positions.size() / static_cast<std::size_t>(problem.dimension), -1);
+  team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) rank[problem.free[f]] = static_cast<std::int32_t>(f);
+  });
+  list_incidences(problem, rank, team);
 }
 
 }  // namespace varimesh

@@ -119,6 +119,10 @@ struct Problem {
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree,
                       const Team& team = Team(1));
 
+/// Lists the incidences of the free nodes again, after sets were added. problem.positions must have their size. Call it
+/// inside team.run().
+void list_incidences(Problem& problem, const Team& team);
+
 /// Allocates CellSet::deformation and, if `keeps_function`, CellSet::jacobian_function. Returns whether any of it is
 /// new, so that the caller has to compute it.
 bool hold_deformation(Problem& problem, bool keeps_function);
@@ -126,8 +130,9 @@ bool holds_deformation(const Problem& problem);
 /// Frees both.
 void drop_deformation(Problem& problem);
 
-/// The positions of the free nodes, d numbers each, taken from the positions of all nodes.
-std::vector<double> free_positions(const Problem& problem, std::span<const double> positions);
+/// The positions of the free nodes, d numbers each, taken from the positions of all nodes. Call it inside team.run().
+std::vector<double> free_positions(const Problem& problem, std::span<const double> positions,
+                                   const Team& team = Team(1));
 /// Puts them back. Returns false, and changes nothing, if `free` has the wrong size.
 bool set_free_positions(const Problem& problem, const std::vector<double>& free, std::vector<double>& positions);
 

@@ -41,6 +41,6 @@ struct ScaledJacobians {
 
 /// Those of the mesh with its nodes at these coordinates (3 per node, interleaved), as in QualityReport on the default
 /// lattice.
-ScaledJacobians scaled_jacobians(HighOrderMesh mesh, const std::vector<double>& coordinates, const Team& team);
+ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team);
 
 }  // namespace varimesh

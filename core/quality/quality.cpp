@@ -1,10 +1,12 @@
 // Samples det ∇χ_M in every cell, and puts samples and certificates together to a report.
 #include <Eigen/Core>
 #include <cassert>
+#include <mutex>
 #include <optional>
 #include <span>
 
-#include "core/base/team.h"
+#include "core/base/reduction.h"
+#include "core/base/shared_work.h"
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
@@ -23,7 +25,7 @@ using detail::LatticeTable;
 // Samples
 // ---------------------------------------------------------------------------------------------------------------------
 
-constexpr std::size_t kBatchesPerTask = 8;
+constexpr std::size_t kBatchesPerTask = 8, kCellsPerTask = 4096;
 constexpr int kQuickIntervals = 2;
 
 /// min / max; −1 if the value is nowhere positive.
@@ -43,8 +45,9 @@ struct Samples {
 };
 
 /// The sign that most cells have. A clockwise mesh is judged as its mirror image.
-double orientation(const std::vector<Extremes>& cells, const Ranks& ranks) {
-  const auto negative = std::ranges::count_if(cells, [](const Extremes& e) { return e.mean < 0; });
+double orientation(const std::vector<Extremes>& cells, const Team& team, const Ranks& ranks) {
+  const std::int64_t negative =
+      count_where(team, cells.size(), kCellsPerTask, [&](std::size_t cell) { return cells[cell].mean < 0; });
   return 2 * ranks.sum(negative) > ranks.sum(std::ssize(cells)) ? -1.0 : 1.0;
 }
 
@@ -53,7 +56,7 @@ const LatticeTable& table_of(const ElementBlock& block, int intervals, int dimen
 }
 
 /// Samples batches of one table: all of them in one range of points, then in the next.
-void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::span<const CellBatch> batches,
+void sample_batches(std::span<const double> coordinates, const LatticeTable& table, std::span<const CellBatch> batches,
                     const Team& team, std::vector<Extremes>& cells) {
   thread_local std::vector<double> workspace;
   std::array<const std::int32_t*, detail::kMostLatticeLanes> nodes{};
@@ -64,15 +67,16 @@ void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::s
     for (std::size_t b = 0; b < batches.size(); ++b) {
       team.look();
       for (std::size_t i = 0; i < batches[b].count; ++i) nodes[i] = batches[b].nodes(i);
-      detail::sample_rows(table, rows, {mesh.coordinates.data(), nodes.data(), batches[b].count}, workspace,
-                          progress[b]);
+      detail::sample_rows(table, rows, {coordinates.data(), nodes.data(), batches[b].count}, workspace, progress[b]);
     }
   }
   for (std::size_t b = 0; b < batches.size(); ++b)
     detail::finish_samples(table, progress[b], batches[b].count, &cells[batches[b].cell]);
 }
 
-Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team, const Ranks& ranks = one_rank()) {
+/// @param coordinates of the nodes, as HighOrderMesh::coordinates
+Samples sample(const HighOrderMesh& mesh, std::span<const double> coordinates, int intervals, const Team& team,
+               const Ranks& ranks = one_rank()) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   Samples samples;
   samples.intervals = intervals > 0 ? intervals : report_intervals(mesh.order);
@@ -84,13 +88,17 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team, const
       for (std::size_t last = begin; begin != end; begin = last) {
         const ElementBlock& block = *samples.batches[begin].block;
         while (last != end && last - begin < kBatchesPerTask && samples.batches[last].block == &block) ++last;
-        sample_batches(mesh, table_of(block, samples.intervals, mesh.dimension),
+        sample_batches(coordinates, table_of(block, samples.intervals, mesh.dimension),
                        std::span(samples.batches).subspan(begin, last - begin), team, samples.cells);
       }
     });
+    samples.sign = orientation(samples.cells, team, ranks);
   });
-  samples.sign = orientation(samples.cells, ranks);
   return samples;
+}
+
+Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team, const Ranks& ranks = one_rank()) {
+  return sample(mesh, mesh.coordinates, intervals, team, ranks);
 }
 
 /// The ratio of det F. If a valid cell is inverted with straight sides, det F says nothing about it, and the ratio is
@@ -102,17 +110,22 @@ double distortion_jacobian(const Samples& samples, std::size_t cell, bool affine
   return ratio(extremes.distortion_low, extremes.distortion_high);
 }
 
-CellQuality cell_quality(const Samples& samples) {
+CellQuality cell_quality(const Samples& samples, const Team& team) {
   CellQuality quality;
   quality.scaled_jacobian.resize(samples.cells.size());
   quality.distortion_jacobian.resize(samples.cells.size());
-  for (const CellBatch& batch : samples.batches) {
-    const bool affine = reference::info(batch.block->shape).affine;
-    for (std::size_t i = batch.cell; i < batch.cell + batch.count; ++i) {
-      quality.scaled_jacobian[i] = samples.scaled_jacobian(i);
-      quality.distortion_jacobian[i] = distortion_jacobian(samples, i, affine);
-    }
-  }
+  team.run([&] {
+    team.for_ranges(samples.batches.size(), kCellsPerTask / detail::kMostLatticeLanes,
+                    [&](std::size_t first, std::size_t last) {
+                      for (const CellBatch& batch : std::span(samples.batches).subspan(first, last - first)) {
+                        const bool affine = reference::info(batch.block->shape).affine;
+                        for (std::size_t i = batch.cell; i < batch.cell + batch.count; ++i) {
+                          quality.scaled_jacobian[i] = samples.scaled_jacobian(i);
+                          quality.distortion_jacobian[i] = distortion_jacobian(samples, i, affine);
+                        }
+                      }
+                    });
+  });
   return quality;
 }
 
@@ -129,17 +142,18 @@ std::array<double, 3> place(const HighOrderMesh& mesh, const CellBatch& batch, s
   return at;
 }
 
+/// Call it inside team.run().
 std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Samples& samples,
-                                             const CellQuality& quality) {
+                                             const CellQuality& quality, const Team& team) {
   std::vector<InvalidElement> invalid;
-  for (const CellBatch& batch : samples.batches) {
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      const std::size_t cell = batch.cell + i;
-      if (samples.low(cell) > 0) continue;
-      const LatticeTable& table = table_of(*batch.block, samples.intervals, mesh.dimension);
-      invalid.push_back({batch.block->numbers[batch.first + i], quality.scaled_jacobian[cell],
-                         place(mesh, batch, i, table.points().row(samples.low_at(cell)))});
-    }
+  for (const std::int32_t cell :
+       indices_where(team, samples.cells.size(), kCellsPerTask, [&](std::size_t i) { return !(samples.low(i) > 0); })) {
+    const auto number = static_cast<std::size_t>(cell);
+    const CellBatch& batch = *(std::ranges::upper_bound(samples.batches, number, {}, &CellBatch::cell) - 1);
+    const LatticeTable& table = table_of(*batch.block, samples.intervals, mesh.dimension);
+    const std::size_t i = number - batch.cell;
+    invalid.push_back({batch.block->numbers[batch.first + i], quality.scaled_jacobian[number],
+                       place(mesh, batch, i, table.points().row(samples.low_at(number)))});
   }
   return invalid;
 }
@@ -155,45 +169,67 @@ CertificateSummary whole(CertificateSummary part, const Ranks& ranks) {
   return {counts[0], counts[1], counts[2], lower};
 }
 
+/// Call it inside team.run().
 std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
-                                                     std::span<const Certificate> certificates) {
+                                                     std::span<const Certificate> certificates, const Team& team) {
+  const std::vector<std::int32_t> cells = indices_where(
+      team, certificates.size(), kCellsPerTask, [&](std::size_t cell) { return !certificates[cell].is_valid(); });
   std::vector<UncertifiedElement> uncertified;
-  for (const CellBatch& batch : detail::whole_blocks(mesh))
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      const Certificate& certificate = certificates[batch.cell + i];
-      if (!certificate.is_valid())
-        uncertified.push_back({batch.block->numbers[batch.first + i], certificate.answer, certificate.place});
+  auto next = cells.begin();
+  for (const CellBatch& block : detail::whole_blocks(mesh))
+    for (; next != cells.end() && static_cast<std::size_t>(*next) < block.cell + block.count; ++next) {
+      const Certificate& certificate = certificates[static_cast<std::size_t>(*next)];
+      uncertified.push_back(
+          {block.block->numbers[static_cast<std::size_t>(*next) - block.cell], certificate.answer, certificate.place});
     }
   return uncertified;
 }
 
-/// The smallest of the values that the ranks have.
-double smallest(const std::vector<double>& values, const Ranks& ranks) {
-  return ranks.smallest(values.empty() ? std::numeric_limits<double>::infinity() : std::ranges::min(values));
+/// The smallest of the values that the ranks have. Call it inside team.run().
+double smallest(const std::vector<double>& values, const Team& team, const Ranks& ranks) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  return ranks.smallest(-Reduction(team).largest(
+      values.size(), kCellsPerTask, [&](std::size_t i) { return -values[i]; }, -kInfinity));
 }
 
-/// Everything except what is proved.
+/// Σ of the scaled Jacobians, each at least −1. Call it inside team.run().
+ExactSum sum_of(const std::vector<double>& scaled_jacobians, const Team& team) {
+  return Reduction(team).exact(scaled_jacobians.size(), kCellsPerTask,
+                               [&](std::size_t cell) { return std::max(scaled_jacobians[cell], -1.0); });
+}
+
+/// Adds the scaled Jacobians of the cells to the histogram. Call it inside team.run().
+void fill_histogram(const std::vector<double>& scaled_jacobians, const Team& team, QualityReport& report) {
+  std::mutex mutex;
+  team.for_ranges(scaled_jacobians.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    decltype(report.histogram) mine{};
+    for (std::size_t cell = begin; cell < end; ++cell) {
+      const double js = scaled_jacobians[cell];
+      const int bin = static_cast<int>(js * QualityReport::kBins);
+      if (js > 0) ++mine[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
+    }
+    const std::scoped_lock lock(mutex);
+    for (std::size_t bin = 0; bin < mine.size(); ++bin) report.histogram[bin] += mine[bin];
+  });
+}
+
+/// Everything except what is proved. Call it inside team.run().
 QualityReport report_on(const HighOrderMesh& mesh, const Samples& samples, std::span<const Certificate> certificates,
-                        const Ranks& ranks = one_rank()) {
-  const CellQuality cells = cell_quality(samples);
+                        const Team& team, const Ranks& ranks = one_rank()) {
+  const CellQuality cells = cell_quality(samples, team);
   QualityReport report;
   report.lattice_intervals = samples.intervals;
   const std::int64_t count = ranks.sum(std::ssize(cells.scaled_jacobian));
   if (count == 0) return report;
-  report.min_scaled_jacobian = smallest(cells.scaled_jacobian, ranks);
-  report.min_distortion_jacobian = smallest(cells.distortion_jacobian, ranks);
-  ExactSum sum;
-  for (const double js : cells.scaled_jacobian) {
-    sum.add(std::max(js, -1.0));
-    const int bin = static_cast<int>(js * QualityReport::kBins);
-    if (js > 0) ++report.histogram[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
-  }
+  report.min_scaled_jacobian = smallest(cells.scaled_jacobian, team, ranks);
+  report.min_distortion_jacobian = smallest(cells.distortion_jacobian, team, ranks);
+  fill_histogram(cells.scaled_jacobian, team, report);
   ranks.sum(report.histogram);
-  report.mean_scaled_jacobian = ranks.sum(sum) / static_cast<double>(count);
-  report.invalid = ranks.gather(invalid_elements(mesh, samples, cells));
+  report.mean_scaled_jacobian = ranks.sum(sum_of(cells.scaled_jacobian, team)) / static_cast<double>(count);
+  report.invalid = ranks.gather(invalid_elements(mesh, samples, cells, team));
   std::ranges::stable_sort(report.invalid, {}, &InvalidElement::scaled_jacobian);
   report.invalid_elements = ranks.sum(std::ssize(report.invalid));
-  report.uncertified = ranks.gather(uncertified_elements(mesh, certificates));
+  report.uncertified = ranks.gather(uncertified_elements(mesh, certificates, team));
   return report;
 }
 
@@ -215,7 +251,7 @@ CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) 
   const Team team(threads);
   std::optional<detail::JudgedMesh> judged;
   team.run([&] { judged.emplace(mesh, team); });
-  return cell_quality(sample(judged->mesh(), intervals, team));
+  return cell_quality(sample(judged->mesh(), intervals, team), team);
 }
 
 QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
@@ -253,32 +289,42 @@ QualityReport quality(const HighOrderMesh& mesh, std::vector<Certificate> certif
   return judge(mesh, 0, std::move(certificates), team, nullptr);
 }
 
-CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return cell_quality(sample(mesh, 0, team)); }
+CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) {
+  return cell_quality(sample(mesh, 0, team), team);
+}
 
-ScaledJacobians scaled_jacobians(HighOrderMesh mesh, const std::vector<double>& coordinates, const Team& team) {
-  mesh.coordinates = coordinates;
-  const std::vector<double> of_cells = cell_quality(mesh, team).scaled_jacobian;
+ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
+  const std::vector<double> of_cells = cell_quality(sample(mesh, coordinates, 0, team), team).scaled_jacobian;
   ScaledJacobians out{1, 0};
-  for (const double js : of_cells) {
-    out.smallest = std::min(out.smallest, js);
-    out.mean += std::max(js, -1.0) / static_cast<double>(of_cells.size());
-  }
+  if (of_cells.empty()) return out;
+  team.run([&] {
+    out.smallest = std::min(1.0, smallest(of_cells, team, one_rank()));
+    out.mean = sum_of(of_cells, team).value() / static_cast<double>(of_cells.size());
+  });
   return out;
 }
 
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team, const Ranks& ranks) {
-  QualityReport report = report_on(mesh, sample(mesh, intervals, team, ranks), certificates, ranks);
+  const Samples samples = sample(mesh, intervals, team, ranks);
+  QualityReport report;
+  team.run([&] { report = report_on(mesh, samples, certificates, team, ranks); });
   report.accuracy = accuracy(mesh, team, ranks);
   // Each rank sharpens its own minimum, and the least of these is that of the mesh.
-  report.certified =
-      whole(certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team.stop()), ranks);
+  team.run([&] {
+    report.certified = whole(certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team), ranks);
+  });
   return report;
 }
 
 QualityReport quick_quality(const HighOrderMesh& mesh, std::span<const Certificate> certificates, const Team& team) {
-  QualityReport report = report_on(mesh, sample(mesh, kQuickIntervals, team.without_stop()), certificates);
-  report.certified = summarise(certificates);
+  const Team unstopped = team.without_stop();
+  const Samples samples = sample(mesh, kQuickIntervals, unstopped);
+  QualityReport report;
+  unstopped.run([&] {
+    report = report_on(mesh, samples, certificates, unstopped);
+    report.certified = summarise(certificates, unstopped);
+  });
   return report;
 }
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/ranks/exact_sum.h"
+#include "core/base/exact_sum.h"
 
 namespace varimesh {
 

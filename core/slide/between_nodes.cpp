@@ -96,9 +96,38 @@ class EntityNodes {
 };
 
 /// A point of the lattice whose distance is smaller than this, over the largest so far, has no larger one around it.
-constexpr double kMayBeLargest = 0.75;
+constexpr double kMayBeLargest = 0.6;
 /// Distances below this, over the size of the element, are not worth a finer lattice. Flat elements have only such.
 constexpr double kNothing = 1e-10;
+
+/// Whether no point beside this one on the lattice has a larger distance.
+bool is_highest(const EntityTable& table, const Eigen::VectorXd& lattice, Eigen::Index p) {
+  return std::ranges::all_of(table.beside[static_cast<std::size_t>(p)],
+                             [&](Eigen::Index q) { return lattice[q] <= lattice[p]; });
+}
+
+/// The largest distance within one interval of a point of the lattice: goes up from point to point of the finer one.
+/// @param distance  at a point of the finer lattice
+template <class Distance>
+double climb(const EntityTable& table, Eigen::Index p, double largest, const Distance& distance) {
+  const std::vector<Eigen::Index>& around = table.around[static_cast<std::size_t>(p)];
+  std::vector<char> seen(around.size(), 0);
+  Eigen::Index top = around.front();
+  for (Eigen::Index from = -1; from != top;) {
+    from = top;
+    for (std::size_t k = 1; k < around.size(); ++k) {
+      const bool is_beside =
+          (table.finer_at.row(around[k]) - table.finer_at.row(from)).cwiseAbs().maxCoeff() < table.finer_step;
+      if (seen[k] != 0 || !is_beside) continue;
+      seen[k] = 1;
+      if (const double one = distance(around[k]); one > largest) {
+        largest = one;
+        top = around[k];
+      }
+    }
+  }
+  return largest;
+}
 
 /// Calls distance(x, start) for each sample.
 template <class CanStart, class Distance>
@@ -123,9 +152,8 @@ Distances sample(std::span<const EntityElement> elements, int order, EntityNodes
     sum.largest = std::max(sum.largest, lattice.maxCoeff());
     const double nothing = kNothing * (own.x.rowwise().maxCoeff() - own.x.rowwise().minCoeff()).norm();
     for (Eigen::Index p = 0; p < lattice.size(); ++p)
-      if (lattice[p] > std::max(kMayBeLargest * sum.largest, nothing))
-        for (const Eigen::Index q : table.around[static_cast<std::size_t>(p)])
-          sum.largest = std::max(sum.largest, off(table.finer, q));
+      if (lattice[p] > std::max(kMayBeLargest * sum.largest, nothing) && is_highest(table, lattice, p))
+        sum.largest = std::max(sum.largest, climb(table, p, lattice[p], [&](auto q) { return off(table.finer, q); }));
     sum.elements += 1;
   }
   return sum;

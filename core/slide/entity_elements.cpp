@@ -27,18 +27,28 @@ reference::Quadrature rule(Shape shape, int order, int degree) {
 void add_between(EntityTable& table, Shape shape, int order) {
   const reference::Quadrature squares = rule(shape, order, 2 * order + 4);
   const Points lattice = reference::uniform_lattice(shape, 2 * order + 1);
-  const Points finer = reference::uniform_lattice(shape, 3 * (2 * order + 1));
+  const Points finer = reference::uniform_lattice(shape, 4 * (2 * order + 1));
   Points at(squares.points.rows() + lattice.rows(), lattice.cols());
   at << squares.points, lattice;
   table.between = reference::basis_values(shape, order, NodeSet::Equispaced, 3, at);
   table.finer = reference::basis_values(shape, order, NodeSet::Equispaced, 3, finer);
   table.weights_between = squares.weights / squares.weights.sum();
-  // Half an interval of the coarser lattice in each direction, on a reference shape that is 2 wide.
-  const double near = 1.01 / (2 * order + 1);
+  table.finer_at = finer;
+  // The reference shape is 2 wide. With half an interval, points beside an edge on which the distance vanishes would be
+  // left out.
+  const double near = 2.02 / (2 * order + 1);
+  table.finer_step = near / 4;
+  const auto distance = [](const auto& a, const auto& b) { return (a - b).cwiseAbs().maxCoeff(); };
   for (Eigen::Index p = 0; p < lattice.rows(); ++p) {
     std::vector<Eigen::Index>& around = table.around.emplace_back();
     for (Eigen::Index q = 0; q < finer.rows(); ++q)
-      if ((finer.row(q) - lattice.row(p)).cwiseAbs().maxCoeff() < near) around.push_back(q);
+      if (distance(finer.row(q), lattice.row(p)) < near) around.push_back(q);
+    std::ranges::swap(around.front(), *std::ranges::min_element(around, {}, [&](Eigen::Index q) {
+                        return distance(finer.row(q), lattice.row(p));
+                      }));
+    std::vector<Eigen::Index>& beside = table.beside.emplace_back();
+    for (Eigen::Index q = 0; q < lattice.rows(); ++q)
+      if (q != p && distance(lattice.row(q), lattice.row(p)) < near) beside.push_back(q);
   }
 }
 

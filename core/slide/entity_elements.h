@@ -36,9 +36,13 @@ struct EntityTable {
   /// that integrates the square of an error of interpolation, then the lattice of 2 P + 1 intervals per edge.
   Eigen::MatrixXd between;
   Eigen::VectorXd weights_between;  ///< Of the points of the rule; they sum to 1.
-  Eigen::MatrixXd finer;            ///< The same for the lattice of three times as many intervals.
-  /// By point of the former lattice: those of the latter around it.
+  Eigen::MatrixXd finer;            ///< The same for the lattice of four times as many intervals.
+  Eigen::MatrixXd finer_at;         ///< The points of that lattice on the reference shape: points × dimensions.
+  double finer_step = 0;            ///< What points beside each other on it differ by at most, in a coordinate.
+  /// By point of the former lattice: the points of the latter within one interval. First comes the point itself.
   std::vector<std::vector<Eigen::Index>> around;
+  /// By point of the former lattice: the other points of it within one interval.
+  std::vector<std::vector<Eigen::Index>> beside;
 };
 const EntityTable& entity_table(Shape shape, int order);
 

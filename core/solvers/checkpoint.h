@@ -39,7 +39,7 @@ class Fingerprint {
 };
 
 /// A hash of everything that decides the path of a run: the mesh, its fixed nodes (by node), its targets, and all
-/// options except `threads` and those that only say when to stop (max_iterations, time_limit).
+/// options except `threads`, `device` and those that only say when to stop (max_iterations, time_limit).
 std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const StretchField& target,
                           const Options& options);
 

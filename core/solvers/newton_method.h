@@ -48,6 +48,14 @@ struct NewtonOutcome {
 class NewtonMethod {
  public:
   NewtonMethod(Minimised& objective, const NewtonRules& rules) : objective_(objective), rules_(rules) {}
+  /// Goes on where another method was, with the same unknowns in another objective, which has no preconditioner yet.
+  NewtonMethod(Minimised& objective, const NewtonMethod& before)
+      : objective_(objective),
+        rules_(before.rules_),
+        rough_(before.rough_),
+        last_gradient_(before.last_gradient_),
+        spectrum_(before.spectrum_),
+        begins_convex_(before.begins_convex_) {}
 
   /// From now on a linear system is solved only to a tenth of its initial residual, with at most this many products.
   void solve_roughly(int most_products) {

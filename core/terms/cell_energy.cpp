@@ -116,12 +116,16 @@ double CellEnergy::largest_entry(std::int32_t rank) {
 }
 
 void CellEnergy::fit_scale() {
+  if (!norm_.is_sum()) scan();
+  fit_scale_to_scans();
+}
+
+void CellEnergy::fit_scale_to_scans() {
   const std::size_t nodes = problem_.free.size(), stride = std::clamp<std::size_t>(nodes / kSamples, 1, kMostBetween);
   double largest = reduction_.largest((nodes + stride - 1) / stride, 4, [&](std::size_t sample) {
     return largest_entry(static_cast<std::int32_t>(sample * stride));
   });
   if (!norm_.is_sum()) {
-    scan();
     double slope = 0;
     for (const CellSet& set : problem_.sets)
       slope = std::max(slope, reduction_.largest(at(set.count), kCellsPerSum, [&](std::size_t cell) {
@@ -130,6 +134,31 @@ void CellEnergy::fit_scale() {
     largest *= slope;
   }
   scale_ = power_of_two(largest);
+}
+
+double CellEnergy::slope(const CellSet& set, std::int32_t cell) const {
+  const double slope = weights_.empty() ? norm_.slope(scans_[at(set.first + cell)].energy, cell_measure(set, cell))
+                                        : weights_[at(set.first + cell)] / volume_;
+  return slope / scale_;
+}
+
+void CellEnergy::set_slopes() {
+  for (CellSet& set : problem_.sets) {
+    set.energy_slope.resize(at(set.count));
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) { set.energy_slope[at(cell)] = slope(set, cell); });
+  }
+}
+
+std::vector<double> CellEnergy::curvatures() const {
+  std::vector<double> curvatures;
+  if (norm_.is_sum()) return curvatures;
+  curvatures.resize(at(problem_.cells));
+  for (const CellSet& set : problem_.sets)
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+      const double energy = scans_[at(set.first + cell)].energy;
+      curvatures[at(set.first + cell)] = norm_.curvature(energy, cell_measure(set, cell)) / scale_;
+    });
+  return curvatures;
 }
 
 // ===== Its derivatives =====
@@ -148,10 +177,8 @@ void CellEnergy::for_batches(const Work& work) {
         team_.look();
         double* F = deformation.data() + at(cell - b * kBatch) * set.deformation_size();
         kernels_.deform(set, cell, problem_.positions, F);
-        const CellScan scan = scans_[at(set.first + cell)] = kernels_.scan(set, cell, F, nullptr);
-        const double slope = weights_.empty() ? norm_.slope(scan.energy, cell_measure(set, cell))
-                                              : weights_[at(set.first + cell)] / volume_;
-        set.energy_slope[at(cell)] = slope / scale_;
+        scans_[at(set.first + cell)] = kernels_.scan(set, cell, F, nullptr);
+        set.energy_slope[at(cell)] = slope(set, cell);
       }
       work(s, b, deformation.data());
       count_batch();
@@ -246,11 +273,9 @@ double CellEnergy::multiply(std::span<const float> direction, std::span<float> p
       if (!norm_.is_sum()) add_norm_term(s, b, direction);
     });
   count_kernels(operations_.product, watch);
-  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
-  return reduction_.sum(at((nodes + kNodesPerTask - 1) / kNodesPerTask), 1, [&](std::size_t task) {
-    const std::int32_t first = static_cast<std::int32_t>(task) * kNodesPerTask;
-    return hessian_.add_up(problem_, batches_, direction.data(), product.data(), first,
-                           std::min(nodes, first + kNodesPerTask));
+  return reduction_.sum_of_blocks(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    return hessian_.add_up(problem_, batches_, direction.data(), product.data(), static_cast<std::int32_t>(begin),
+                           static_cast<std::int32_t>(end));
   });
 }
 

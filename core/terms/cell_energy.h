@@ -65,6 +65,8 @@ class CellEnergy {
   double value();
   /// The factor of rounding errors in the cells' densities: Σ slope V over the cells.
   double rounding();
+  /// If value() changes by less, the change may be rounding.
+  double noise() { return 100 * (1e-14 * rounding()); }
 
   // === Derivatives ===
   /// Chooses a power of two by which the Hessian is divided in blocks and products, so that it fits single precision.
@@ -72,6 +74,16 @@ class CellEnergy {
   /// is 1.
   void fit_scale();
   double scale() const { return scale_; }
+
+  // === For those who compute scans and derivatives of the cells elsewhere ===
+  /// By cell, as scans(): scan() in another place.
+  std::span<CellScan> scans_to_fill() { return scans_; }
+  /// As fit_scale(), from the scans there are.
+  void fit_scale_to_scans();
+  /// Sets CellSet::energy_slope from the scans: the slopes of the sum, over scale().
+  void set_slopes();
+  /// By cell: the p-norm's curvatures at the scans, over scale(). Empty if the norm is the sum.
+  std::vector<double> curvatures() const;
 
   /// Sets the gradient, d numbers per free node. It has no meaning if value() is infinite.
   void gradient(std::span<double> gradient);
@@ -107,6 +119,8 @@ class CellEnergy {
   void add_up_gradient(std::span<double> gradient);
   void node_blocks();
   std::array<double, 6> added_up_block(std::int32_t rank) const;
+  /// What a cell's energy is multiplied by, over scale().
+  double slope(const CellSet& set, std::int32_t cell) const;
   /// The largest absolute entry of a free node's own block of the energy's Hessian.
   double largest_entry(std::int32_t rank);
   /// Only for the p-norm: keeps the cells' gradients, for the term with its curvature.

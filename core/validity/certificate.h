@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {
@@ -51,7 +52,8 @@ struct CertificateSummary {
   double min_scaled_jacobian_lower_bound = 0;  ///< Smallest over the cells.
 };
 
-CertificateSummary summarise(std::span<const Certificate> certificates);
+/// Call it inside team.run().
+CertificateSummary summarise(std::span<const Certificate> certificates, const Team& team = Team(1));
 
 /// Certifies all cells of a mesh (elements of dimension mesh.dimension, in the mesh's order). `threads` 0 means all.
 std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOptions& options = {}, int threads = 0);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/base/reduction.h"
+#include "core/base/shared_work.h"
 #include "core/validity/cell_batches.h"
 #include "core/validity/certificate_kernel.h"
 #include "core/validity/orientation.h"
@@ -18,6 +20,8 @@ using detail::CellToCertify;
 
 /// Cells that a task takes at a time: enough to fill vectors, and few enough to share out the hard ones.
 constexpr std::size_t kGrain = 64;
+constexpr std::size_t kCellsPerTask = 16384;
+constexpr std::size_t kCellsPerChunk = 1024;  // that are searched for the lowest
 
 /// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
 double power_of_two_scale(const BoundingBox& box) {
@@ -155,15 +159,21 @@ void Certifier::certify(std::span<const double> coordinates, std::span<Certifica
 }
 
 CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
-                                      double gap, const StopToken* stop) const {
+                                      double gap, const Team& team) const {
   CertificateOptions options = options_;
   options.gap = gap;
-  std::vector<std::int32_t> order = all_;
   const auto later = [&](std::int32_t a, std::int32_t b) {
     const double x = certificates[static_cast<std::size_t>(a)].scaled_jacobian_lower_bound;
     const double y = certificates[static_cast<std::size_t>(b)].scaled_jacobian_lower_bound;
     return x != y ? x > y : a > b;
   };
+  const auto lowest_of = [&](std::size_t chunk) {
+    const std::size_t begin = chunk * kCellsPerChunk, size = std::min(kCellsPerChunk, cells_.size() - begin);
+    return std::ranges::max(std::span(all_).subspan(begin, size), later);
+  };
+  std::vector<std::int32_t> order(chunks_of(cells_.size(), kCellsPerChunk));  // the lowest cell of each chunk
+  for_chunks(team, cells_.size(), kCellsPerChunk,
+             [&](std::size_t chunk, std::size_t, std::size_t) { order[chunk] = lowest_of(chunk); });
   std::ranges::make_heap(order, later);
   std::vector<bool> sharp(cells_.size(), false);
   while (!order.empty() && !sharp[static_cast<std::size_t>(order.front())]) {
@@ -172,29 +182,33 @@ CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::
     const ElementBlock& block = *cells_[cell].block;
     const Certificate better = detail::subdivide(
         {&detail::jacobian_table(block.shape, block.order), coordinates.data(), cells_[cell].nodes, scale_, sign_},
-        options, stop);
+        options, team.stop());
     // An answer that was given once is kept. The search for a sharper bound may spend its budget and end with another
     // answer.
     if (better.answer == certificates[cell].answer &&
         better.scaled_jacobian_lower_bound >= certificates[cell].scaled_jacobian_lower_bound)
       certificates[cell] = better;
     sharp[cell] = true;
+    order.back() = lowest_of(cell / kCellsPerChunk);
     std::ranges::push_heap(order, later);
   }
-  return summarise(certificates);
+  return summarise(certificates, team);
 }
 
-CertificateSummary summarise(std::span<const Certificate> certificates) {
+CertificateSummary summarise(std::span<const Certificate> certificates, const Team& team) {
   CertificateSummary summary;
   if (certificates.empty()) return summary;
-  summary.min_scaled_jacobian_lower_bound = std::numeric_limits<double>::max();
-  for (const Certificate& certificate : certificates) {
-    summary.valid += certificate.answer == Certificate::Answer::Valid ? 1 : 0;
-    summary.invalid += certificate.answer == Certificate::Answer::Invalid ? 1 : 0;
-    summary.undecided += certificate.answer == Certificate::Answer::Undecided ? 1 : 0;
-    summary.min_scaled_jacobian_lower_bound =
-        std::min(summary.min_scaled_jacobian_lower_bound, certificate.scaled_jacobian_lower_bound);
-  }
+  const auto answers = [&](Certificate::Answer answer) {
+    return count_where(team, certificates.size(), kCellsPerTask,
+                       [&](std::size_t cell) { return certificates[cell].answer == answer; });
+  };
+  summary.valid = answers(Certificate::Answer::Valid);
+  summary.invalid = answers(Certificate::Answer::Invalid);
+  summary.undecided = static_cast<std::int64_t>(certificates.size()) - summary.valid - summary.invalid;
+  summary.min_scaled_jacobian_lower_bound = -Reduction(team).largest(
+      certificates.size(), kCellsPerTask,
+      [&](std::size_t cell) { return -certificates[cell].scaled_jacobian_lower_bound; },
+      -std::numeric_limits<double>::max());
   return summary;
 }
 

@@ -57,10 +57,10 @@ class Certifier {
   std::vector<char> sound_with_straight_sides(std::span<const double> coordinates, const Team& team) const;
 
   /// Sharpens the certificate of the cell with the smallest lower bound of the scaled Jacobian, again and again, until
-  /// the mesh's minimum is known to within `gap`. Only few cells must be cut for that. Returns the summary. Looks at
-  /// the token, which may be null; if it interrupts, all certificates hold as far as they were sharpened.
-  CertificateSummary sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
-                             double gap = kMinimumGap, const StopToken* stop = nullptr) const;
+  /// the mesh's minimum is known to within `gap`. Only few cells must be cut for that. Returns the summary. Call it
+  /// inside team.run(). If the team's token interrupts it, all certificates hold as far as they were sharpened.
+  CertificateSummary sharpen(std::span<const double> coordinates, std::span<Certificate> certificates, double gap,
+                             const Team& team) const;
 
  private:
   struct Cell {

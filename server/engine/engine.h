@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/device/fault.h"
 #include "core/formats/formats.h"
 #include "core/optimise/iteration.h"
 #include "core/optimise/result.h"
@@ -51,6 +52,15 @@ struct RunOutcome {
   std::string lost;
 };
 
+/// Jobs have no graphics card, unless the caller opens one.
+inline RunControl without_a_card() {
+  RunControl control;
+  control.open_device = [] {
+    return device::fault(device::Fault::Kind::NoDriver, "Jobs of a server have no graphics card.");
+  };
+  return control;
+}
+
 /// What a run calls, from the thread that runs it.
 struct RunHooks {
   OnIteration on_iteration;
@@ -69,7 +79,7 @@ struct RunHooks {
   /// an earlier attempt at the job has saved. If it can be used, the run continues from there, to the same bytes as
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
   /// must be set. Every run adds what its kernels do to `control.meter`.
-  RunControl control;
+  RunControl control = without_a_card();
   /// Called before the mesh is read, and up to twice meanwhile, with the least and the most memory, in bytes, that this
   /// takes. Waits until there is enough. False if the run is to stop. Errors: BadInput if there can never be the least.
   std::function<Expected<bool>(std::int64_t least, std::int64_t most)> admit_reading;

@@ -59,6 +59,7 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_active_nodes(iteration.active_nodes);
   message.set_products(iteration.products);
   message.set_linear_solve(give<v1::LinearSolve>(iteration.linear_solve));
+  message.set_on_device(iteration.on_device);
   message.set_left_elements(iteration.left_elements);
   message.set_seconds(iteration.seconds);
   if (iteration.groups_left >= 0) message.set_groups_left(iteration.groups_left);
@@ -80,6 +81,7 @@ Iteration iteration_from(const v1::Iteration& message) {
   iteration.active_nodes = message.active_nodes();
   iteration.products = message.products();
   iteration.linear_solve = take<LinearSolve>(message.linear_solve());
+  iteration.on_device = message.on_device();
   iteration.seconds = message.seconds();
   if (message.has_groups_left()) iteration.groups_left = message.groups_left();
   if (message.has_seconds_left()) iteration.seconds_left = message.seconds_left();
@@ -227,6 +229,7 @@ v1::Metrics to_proto(const RunSummary& summary) {
   for (const std::string& note : summary.notes) message.add_notes(as_plain_text(note));
   if (summary.left.uncertified > 0) *message.mutable_left() = to_proto(summary.left);
   message.set_kept_as_it_came(summary.kept_as_it_came);
+  message.set_device(as_plain_text(summary.device));
   return message;
 }
 

@@ -20,6 +20,7 @@
 #include "core/process/helper_program.h"
 #include "core/threads/crew.h"
 #include "server/engine/geometry_messages.h"
+#include "server/engine/models/draw_model.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/hdf5_programs.h"
@@ -90,6 +91,7 @@ class Conversation {
     if (request_.geometry) *request.mutable_geometry() = *request_.geometry;
     if (request_.layers) *request.mutable_layers() = *request_.layers;
     request.set_keep_orders(request_.keep_orders);
+    request.set_draws_model(has_cad_file_ && !request_.geometry);
     request.set_mesh_bytes(mesh_bytes_);
     request.set_checkpoint_bytes(checkpoint_bytes_);
     request.set_has_hdf5(formats::has_hdf5());
@@ -123,7 +125,7 @@ class Conversation {
   /// Wall time, in seconds.
   double most_seconds() const {
     return 2 * request_.options.time_limit + static_cast<double>(said_.patience().count()) +
-           (request_.geometry ? kSecondsForGeometry : 0);
+           (has_cad_file_ ? kSecondsForGeometry : 0);
   }
 
   /// A process that has ended hears nothing, but what it said before counts.
@@ -218,8 +220,7 @@ class Conversation {
       case worker::FromWorker::kHdf5:
         return start_hdf5(message.hdf5());
       case worker::FromWorker::kHistory:
-        history_.MergeFrom(message.history());
-        return;
+        return history_.MergeFrom(message.history());
       case worker::FromWorker::kFailure:
         outcome_ = tl::unexpected(plain_error(message.failure()));
         return;
@@ -349,6 +350,7 @@ class Conversation {
   RunRequest request_;
   const RunHooks& hooks_;
   const std::int64_t mesh_bytes_, checkpoint_bytes_;
+  const bool has_cad_file_ = request_.cad_file != nullptr;
   std::unique_ptr<WorkerProcess> process_;
   const pid_t id_;
   Said said_;
@@ -383,6 +385,7 @@ Engine process_engine(ProcessEngineSettings settings) {
                                                                 const RunHooks& hooks) -> Expected<RunOutcome> {
     // A server that shares its jobs with others may have the plugin when this one has not.
     if (request.cad_file != nullptr && settings.cad_plugin.empty()) return has_no_plugin();
+    if (!settings.cad_plugin.empty() && wants_picture(request)) request.cad_file = request.input;
     try {
       return Conversation(settings, *workers, *watch, std::move(request), hooks).run();
     } catch (const ProcessLost& lost) {

@@ -30,6 +30,7 @@
 #include "core/process/sandbox.h"
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
+#include "server/engine/models/draw_model.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/channel.h"
@@ -303,7 +304,9 @@ void tell(Conversation& server, const RunOutcome& outcome) {
   server.say(message);
 }
 
-void run(Conversation& server, RunRequest request, std::string_view checkpoint) {
+/// @param picture  if set, the job is to write this, and reads no mesh
+void run(Conversation& server, RunRequest request, std::string_view checkpoint,
+         const std::optional<geometry::ModelTriangles>& picture) {
   std::atomic<bool> is_read = false;
   try {
     Output output(server);
@@ -315,7 +318,7 @@ void run(Conversation& server, RunRequest request, std::string_view checkpoint) 
     KernelWork told;
     RunHooks hooks = hooks_for(server, output, meter, told, is_read);
     hooks.control.checkpoint = checkpoint;
-    const auto outcome = core_engine().run(std::move(request), hooks);
+    const auto outcome = picture ? draw_model(*picture, hooks) : core_engine().run(std::move(request), hooks);
     tell_kernels(server, meter, told);
     if (!outcome) return server.say(failure(outcome.error()));
     output.end();
@@ -347,7 +350,7 @@ int serve() {
   worker::GeometryFile cad;
   int cad_file = -1;
   const bool has_model = message.has_geometry() && !is_on_boundary(message.geometry());
-  if (has_model) {
+  if (has_model || message.draws_model()) {
     worker::ToWorker next;
     if (channel.receive(next, -1) != Channel::Got::Message || !next.has_geometry()) return 2;
     cad = next.geometry();
@@ -365,20 +368,22 @@ int serve() {
   // While this process can still start programs: one of them reads the CAD file, under limits of its own.
   Expected<geometry::CadModel> model;
   if (has_model) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
+  Expected<std::optional<geometry::ModelTriangles>> picture;
+  if (message.draws_model()) picture = geometry::read_triangles(cad.plugin(), cad_file, "The model", cad.most_memory());
   worker::FromWorker started;
   started.mutable_started()->set_address_space(address_space());
   started.mutable_started()->set_is_filtered(confine(message));
   server.listen();
   server.say(started);
-  if (!model) {
-    server.say(failure(model.error()));
+  if (!model || !picture) {
+    server.say(failure(model ? picture.error() : model.error()));
     ::_exit(0);
   }
   RunRequest request = request_from(message);
   if (has_model) request.model = std::make_shared<geometry::CadModel>(std::move(*model));
   request.input = std::make_shared<MappedFile>(mesh, message.mesh_bytes());
   const MappedFile checkpoint(checkpoint_file, message.checkpoint_bytes());
-  run(server, std::move(request), checkpoint.bytes());
+  run(server, std::move(request), checkpoint.bytes(), *picture);
   // Nothing of what a hostile mesh may have left in the memory is run any more.
   ::_exit(0);
 }

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/counted.h"
 #include "server/maintenance/backup.h"
 #include "server/maintenance/check.h"
 #include "server/maintenance/health.h"
@@ -16,10 +17,6 @@ namespace {
 
 // Exit statuses, as those of the server.
 constexpr int kDamaged = 1, kWrongUsage = 2, kCannot = 1;
-
-std::string counted(std::int64_t count, const std::string& what) {
-  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
-}
 
 void print_damage(const std::vector<std::string>& damage) {
   for (const std::string& sentence : damage) std::cout << sentence << '\n';

@@ -108,6 +108,36 @@ class Planted(unittest.TestCase):
         (self.tree / "core/merit/thresholds.h").write_text("")
         self.expect("this check is blind", "check_merit")
 
+    def test_one_place_adds_up_over_a_mesh(self):
+        status, output = self.check("check_sums")
+        self.assertEqual(status, 0, output)
+
+    def test_another_sum_over_a_mesh_is_found(self):
+        loop = "void f() {\n  double sum = 0;\n  for (const CellSet& set : sets)\n"
+        for code in ("double f() { return std::accumulate(parts.begin(), parts.end(), 0.0); }",
+                     "double f() { return std::reduce(energies.begin(), energies.end(), 0.,\n  std::plus<>()); }",
+                     "std::atomic<double> energy{0};",
+                     loop + "    for (std::int32_t cell = 0; cell < set.count; ++cell) sum += scans[cell].energy;\n}",
+                     "void f() {\n  for (const Visit& visit : visits_) {\n    if (visit.made)\n      norm += visit.step;\n  }\n}",
+                     "void f() {\n  double sum = 0;\n  for (const double part : parts) sum += part;\n}"):
+            with self.subTest(code):
+                file = self.tree / "core/slide/slide.cpp"
+                before = file.read_text()
+                plant(self.tree, "core/slide/slide.cpp", code)
+                self.expect("core/slide/slide.cpp:", "check_sums")
+                file.write_text(before)
+
+    def test_a_sum_of_one_cell_is_none_over_a_mesh(self):
+        plant(self.tree, "core/slide/slide.cpp",
+              "void f() {\n  for (std::int32_t cell = 0; cell < set.count; ++cell) {\n    double sum = 0;\n"
+              "    for (int q = 0; q < set.points; ++q) sum += weights[q];\n    of[cell] = sum;\n  }\n}")
+        status, output = self.check("check_sums")
+        self.assertEqual(status, 0, output)
+
+    def test_a_tree_without_the_sums_makes_the_check_blind(self):
+        (self.tree / "core/base/reduction.h").unlink()
+        self.expect("this check is blind", "check_sums")
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -300,9 +300,13 @@ class FromCad(WithPrograms):
     def test_runs_unchanged(self):
         printed = "".join(self.run_page(SOURCE / "docs" / "tutorial-cad.md"))
         self.assertIn("certified\n", printed)
+        self.assertRegex(printed, r"Refining split \d+ edges? at surface")
+        done = subprocess.run([VARIMESH, "quality", self.work / "refined.msh", "--certify"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout)
         self.assertIn("touch these surfaces", printed)
         self.assertIn("status 4\n", printed)
-        self.assertLessEqual({"part.step", "part.msh", "part.html", "part.xml", "coarse.msh"}, set(os.listdir(self.work)))
+        self.assertLessEqual({"part.step", "part.msh", "part.html", "part.xml", "refined.msh", "coarse.msh"},
+                             set(os.listdir(self.work)))
 
 
 class LayersFromCad(WithPrograms):

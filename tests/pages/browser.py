@@ -151,8 +151,16 @@ class Page:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
+    def wait_for_fine_views(self):
+        """Waits until every 3-D view has drawn all its triangles: a view that has just moved draws few of them at first."""
+        self.value("""new Promise((done) => {
+            const look = () => document.querySelector('[data-detail=rough]')
+                ? setTimeout(look, 20) : requestAnimationFrame(() => requestAnimationFrame(done));
+            look(); })""")
+
     def picture(self, selector=None):
         """A screenshot as PNG: of the window, or of the first element that matches the selector."""
+        self.wait_for_fine_views()
         clip = {}
         if selector:
             box = self.value(f"""(() => {{ const box = document.querySelector({json.dumps(selector)}).getBoundingClientRect();

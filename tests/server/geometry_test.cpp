@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/geometry/load.h"
+#include "server/engine/mesh_parts.h"
 #include "server/isolation/process_engine.h"
 #include "tests/server/service.h"
 
@@ -185,6 +186,70 @@ TEST_F(CadJobs, TakeIgesFiles) {
   EXPECT_TRUE(has(all, "13 of 13 surfaces of the mesh matched")) << all;
 }
 
+/// A job that draws a model.
+v1::JobSpec picture_spec(const Service& service, const std::string& model) {
+  v1::JobSpec spec = service.spec_for(model);
+  spec.mutable_quality();
+  spec.add_outputs(v1::MESH_FORMAT_PARTS);
+  return spec;
+}
+
+TEST_F(CadJobs, DrawAModelInPlaceOfAMesh) {
+  const Service service = CadJobs::service();
+  for (const char* name : {"bracket.step", "bracket.igs", "bracket.brep"}) {
+    const v1::Job job = run(service, picture_spec(service, content_of(name)));
+    ASSERT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << name << ": " << job.error().message();
+    EXPECT_FALSE(job.metrics().has_after());
+    EXPECT_TRUE(has(job.metrics().notes(0), "13 faces and ")) << job.metrics().notes(0);
+    const auto picture = read_mesh_parts(service.download(job.results(0).digest()));
+    ASSERT_TRUE(picture) << picture.error().sentence;
+    EXPECT_EQ(picture->order, 1);
+    ASSERT_EQ(picture->blocks.size(), 13U);
+    for (std::size_t face = 0; face < picture->blocks.size(); ++face) {
+      EXPECT_EQ(picture->blocks[face].shape, Shape::Triangle);
+      EXPECT_EQ(picture->blocks[face].entity, static_cast<int>(face) + 1);
+    }
+  }
+}
+
+TEST_F(CadJobs, DrawAModelOnlyIfThatIsAllThatIsWanted) {
+  const Service service = CadJobs::service();
+  const std::string model = content_of("bracket.step");
+  const auto expect_no_mesh = [](const v1::Job& job) {
+    EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+    EXPECT_TRUE(has(job.error().message(), "a STEP file, which is a geometry and not a mesh")) << job.error().message();
+  };
+  v1::JobSpec spec = picture_spec(service, model);
+  spec.add_outputs(v1::MESH_FORMAT_CELL_QUALITY);
+  expect_no_mesh(run(service, spec));
+  spec = picture_spec(service, model);
+  spec.clear_quality();
+  expect_no_mesh(run(service, spec));
+  const Service without_plugin = CadJobs::service("");
+  expect_no_mesh(run(without_plugin, picture_spec(without_plugin, model)));
+}
+
+TEST_F(CadJobs, DrawNoMeshThatNamesACadFile) {
+  const Service service = CadJobs::service();
+  const v1::Job job = run(service, picture_spec(service,
+                                                "** ISO-10303-21, CASCADE Topology\n*node\n1, 0, 0\n2, 1, 0\n"
+                                                "3, 0, 1\n*element, type=CPS3\n1, 1, 2, 3\n"));
+  ASSERT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.error().message();
+  EXPECT_EQ(job.metrics().mesh().elements(), 1);
+  EXPECT_EQ(job.metrics().after().certified().valid(), 1);
+}
+
+TEST_F(CadJobs, DrawNoDamagedModel) {
+  const Service service = CadJobs::service();
+  const std::string model = content_of("bracket.step");
+  const v1::Job job = run(service, picture_spec(service, model.substr(0, model.size() / 2)));
+  EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(job.error().reason(), "BAD_INPUT");
+  EXPECT_TRUE(has(job.error().message(), "The model cannot be used: the STEP file is cut off"))
+      << job.error().message();
+  EXPECT_EQ(run(service, picture_spec(service, model)).state(), v1::JOB_STATE_SUCCEEDED);
+}
+
 struct Bytes : Blob {
   explicit Bytes(std::string content) : content(std::move(content)) {}
   std::string_view bytes() const override { return content; }
@@ -261,7 +326,7 @@ TEST_F(CadJobs, FailWithASentenceOnADamagedFile) {
   expect_failure(service, "", "The geometry cannot be used");
 }
 
-TEST_F(CadJobs, FailWithASentenceIfTheReaderCrashes) {
+TEST_F(CadJobs, FailWithASentenceIfTheReaderCrashesOrLies) {
   const std::filesystem::path folder =
       std::filesystem::path(::testing::TempDir()) / ("varimesh_reader_" + std::to_string(::getpid()));
   std::filesystem::create_directory(folder);
@@ -269,7 +334,24 @@ TEST_F(CadJobs, FailWithASentenceIfTheReaderCrashes) {
   std::filesystem::create_symlink(find_cad_plugin(), plugin);
   std::ofstream(reader) << "#!/bin/sh\nkill -SEGV $$\n";
   ::chmod(reader.c_str(), 0700);
-  expect_failure(CadJobs::service(plugin), content_of("bracket.brep"), "crashed while it read it (signal 11)");
+  const Service crashing = CadJobs::service(plugin);
+  expect_failure(crashing, content_of("bracket.brep"), "crashed while it read it (signal 11)");
+  const auto picture = [](const Service& service) {
+    return run(service, picture_spec(service, content_of("bracket.brep"))).error().message();
+  };
+  EXPECT_TRUE(has(picture(crashing), "crashed while it read it (signal 11)"));
+  // Three million triangles of one face in well formed bytes, with its three nodes at 0.
+  std::string many;
+  for (const std::int32_t number : {1, 3, 3'000'000}) many.append(reinterpret_cast<const char*>(&number), 4);
+  std::ofstream(folder / "head", std::ios::binary) << many;
+  std::ofstream(reader, std::ios::trunc) << "#!/bin/sh\n(cat '" << (folder / "head").string()
+                                         << "'; head -c 36000072 /dev/zero) >&3\n";
+  EXPECT_TRUE(has(picture(CadJobs::service(plugin)), "its reader ended without a picture of it"));
+  // Faces without triangles, and what is no face.
+  for (const char* made : {"head -c 4800 /dev/zero", "head -c 4800 /dev/zero | tr '\\0' '\\377'", "true"}) {
+    std::ofstream(reader, std::ios::trunc) << "#!/bin/sh\n" << made << " >&3\n";
+    EXPECT_TRUE(has(picture(CadJobs::service(plugin)), "its reader ended without a picture of it")) << made;
+  }
   std::filesystem::remove_all(folder);
 }
 

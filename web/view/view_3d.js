@@ -198,6 +198,7 @@ class View3d {
   /** Draws all triangles, or few of them while somebody turns the mesh. */
   refine(isFine) {
     for (const one of this.drawn) one.refine(isFine);
+    this.host.dataset.detail = isFine ? 'fine' : 'rough';  // whoever takes a picture of the page waits for it
     this.paint();
   }
 

@@ -99,8 +99,9 @@ Action add_convert(Command program) {
   command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
   // CLI11 2.4 wants another name for it than "output".
   command.add("written", &arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
+      .or_standard_output()
       .value("OUT");
-  command.add("-o,--output", &arguments->flag_output, "The same as OUT").value("OUT");
+  command.add("-o,--output", &arguments->flag_output, "The same as OUT").or_standard_output().value("OUT");
   command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
   command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
   command.add("--simplices", &arguments->simplices, "Cut all elements into triangles or tetrahedra, without new nodes");

@@ -80,7 +80,7 @@ int deliver(const Arguments& arguments, formats::MeshFile& file, formats::Format
     whole["layers"] = document(made.report);
     print(whole);
   } else {
-    std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
+    std::ostream& out = any_is_standard_output({{arguments.output}, {arguments.report}}) ? std::cerr : std::cout;
     out << layers_text(made.report) << summary(*mesh, found);
   }
   if (!arguments.report.empty())
@@ -146,7 +146,7 @@ Action add_layers(Command program) {
   Command command =
       program.add_command("layers", "Split thick cells at a wall into thin boundary layers, or grow such cells first");
   command.add("input", &arguments->input, "The mesh file to read").required().or_standard_input().value("IN");
-  command.add("-o,--output", &arguments->output, "The file to write").required().value("OUT");
+  command.add("-o,--output", &arguments->output, "The file to write").required().or_standard_output().value("OUT");
   add_layer_flags(command, &arguments->layers, true);
   command["--wall"].required();
   command.add("--threads", &arguments->threads, "Number of threads; 0: all").from(0, 4096);

@@ -13,6 +13,7 @@
 #include "core/formats/reading_notes.h"
 #include "core/mesh/check.h"
 #include "core/mesh/loose_parts.h"
+#include "core/mesh/plane.h"
 #include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
 
@@ -75,6 +76,19 @@ void judge_layers(const HighOrderMesh& mesh, int threads, QualityReport& found) 
             << ".\n";
 }
 
+/// The mesh in the plane in which it lies, if this is no plane z = constant. It has passed summarise().
+std::optional<HighOrderMesh> in_its_plane(const HighOrderMesh& mesh, int threads) {
+  const Team team(threads);
+  std::optional<HighOrderMesh> flat;
+  team.run([&] {
+    std::optional<Plane> plane = Plane::of(mesh, team);
+    if (!plane) return;
+    flat = mesh;
+    plane->flatten(*flat);
+  });
+  return flat;
+}
+
 }  // namespace
 
 int quality_of_file(const QualityArguments& arguments) {
@@ -87,27 +101,31 @@ int quality_of_file(const QualityArguments& arguments) {
   if (const auto done = repair(arguments.repairs, *file, say); !done) return print_error(done.error());
   Options options;
   options.threads = arguments.threads;
-  const auto mesh = summarise(file->mesh, options);
+  auto mesh = summarise(file->mesh, options);
   if (!mesh) return print_error(with_fitting_orders(mesh.error(), *file));
-  if (!arguments.report.empty() && is_surface(file->mesh))
+  std::optional<HighOrderMesh> flat = in_its_plane(file->mesh, arguments.threads);
+  if (flat) mesh = summarise(*flat, options);
+  if (!mesh) return print_error(mesh.error());
+  HighOrderMesh& judged = flat ? *flat : file->mesh;
+  if (!arguments.report.empty() && is_surface(judged))
     return print_error(
         {Error::Kind::BadInput,
          "A report page cannot show a surface in space. Leave out --report; -o OUT.vtu writes the figures of each "
          "element, for a viewer such as ParaView."});
-  if (arguments.layers && is_surface(file->mesh))
+  if (arguments.layers && is_surface(judged))
     return print_error(
         {Error::Kind::BadOption, "A surface in space has no layers of elements at a wall. Leave out --layers."});
-  QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
-  if (arguments.layers) judge_layers(file->mesh, arguments.threads, found);
-  const auto groups = find_unrepairable(arguments, file->mesh, found);
-  const WhatIsLeft left = what_is_left(file->mesh, uncertified_numbers(found), groups, {});
-  for (const std::string& sentence : loose_parts(file->mesh, arguments.threads))
+  QualityReport found = varimesh::quality(judged, arguments.lattice, arguments.threads);
+  if (arguments.layers) judge_layers(judged, arguments.threads, found);
+  const auto groups = find_unrepairable(arguments, judged, found);
+  const WhatIsLeft left = what_is_left(judged, uncertified_numbers(found), groups, {});
+  for (const std::string& sentence : loose_parts(judged, arguments.threads))
     std::cerr << "varimesh: " << sentence << "\n";
   if (!arguments.output.empty())
     if (const auto written = write_marked(arguments, *file, groups); !written) return print_error(written.error());
   if (!arguments.report.empty())
     if (const auto written =
-            write_quality_report(arguments.report, arguments.input, std::move(file->mesh), *mesh, found, groups, left);
+            write_quality_report(arguments.report, arguments.input, std::move(judged), *mesh, found, groups, left);
         !written)
       return print_error(written.error());
   return print_quality(arguments, {*mesh, found, groups, left});
@@ -130,7 +148,8 @@ Action add_quality(Command program, const QualityRun& run) {
   command
       .add("-o,--output", &arguments->output,
            "Write the mesh with marks on its elements (.vtu: cell arrays, .msh: a physical group)")
-      .value("OUT");
+      .value("OUT")
+      .or_standard_output();
   add_repair_flags(command, &arguments->repairs);
   add_report_flag(command, &arguments->report);
   add_json_flag(command, &arguments->common);

@@ -20,7 +20,8 @@ from .v1 import job_pb2, optimise_pb2, service_pb2, service_pb2_grpc
 HISTORY = np.dtype(
     [("number", "i4"), ("phase", "U8"), ("energy", "f8"), ("residual", "f8"), ("relative_gradient", "f8"),
      ("min_scaled_jacobian", "f8"), ("invalid_elements", "i8"), ("active_nodes", "i8"), ("seconds", "f8"),
-     ("repairable_elements", "i8"), ("products", "i4"), ("linear_solve", "U18"), ("left_elements", "i8")])  # fmt: skip
+     ("repairable_elements", "i8"), ("products", "i4"), ("linear_solve", "U18"), ("left_elements", "i8"),
+     ("on_device", "?")])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Iteration:
     products: int
     linear_solve: str
     left_elements: int  # that would not be certified valid if the run ended here
+    on_device: bool  # a Newton step that a graphics card has made
     seconds_left: float | None  # how long the job will still take, as an estimate; None: nobody can tell
 
 

@@ -16,6 +16,7 @@ from . import pages, reports
 from .adapters import to_meshio
 from .errors import BadOption, VarimeshError
 from .events import Event, history_of
+from .names import counted
 from .numbering import Numbering
 from .mesh import Mesh, from_parts
 from .progress import Progress
@@ -144,7 +145,7 @@ class Result:
 
     def __repr__(self) -> str:
         after = self.metrics.after
-        return (f"<result of {self.job}: {self.metrics.iterations} iterations, {self.metrics.stop_reason}, min Js "
+        return (f"<result of {self.job}: {counted(self.metrics.iterations, 'iteration')}, {self.metrics.stop_reason}, min Js "
                 f"{after.min_scaled_jacobian:.4f}, {after.certified.valid} of {self.metrics.elements} valid>")  # fmt: skip
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import wire
 from .errors import BadMesh
-from .names import suggestion
+from .names import counted, suggestion
 from .v1 import mesh_pb2
 
 MAX_ORDER = 10
@@ -92,7 +92,7 @@ class Mesh:
 
     def __repr__(self) -> str:
         shapes = ", ".join(f"{len(nodes)} {shape}" for shape, nodes in self.cells.items())
-        return f"<mesh of order {self.order} in {self.dimension}-D: {len(self.nodes)} nodes; cells: {shapes}>"
+        return f"<mesh of order {self.order} in {self.dimension}-D: {counted(len(self.nodes), 'node')}; cells: {shapes}>"
 
     @property
     def dimension(self) -> int:

@@ -30,3 +30,8 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     known = list(known)
     near = difflib.get_close_matches(word, known, 1)
     return f"did you mean '{near[0]}'?" if near else "take one of " + ", ".join(known) + "."
+
+
+def counted(count: int, one: str, many: str = "") -> str:
+    """ "1 element" or "3 elements". `many` is the plural, if it is not `one` with an s."""
+    return f"{count} {one if count == 1 else many or one + 's'}"

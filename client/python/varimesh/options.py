@@ -123,6 +123,7 @@ class Options(TypedDict, total=False):
     tolerance: float
     max_iterations: int
     threads: int
+    device: Literal["cpu", "gpu", "auto"]
     quadrature_degree: int
     target: Literal["straight-sided", "ideal", "size", "strain"]
     target_field: TargetField

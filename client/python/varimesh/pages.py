@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadOutput, ServerUnreachable
+from .names import counted
 from .reports import Quality
 from .requirements import find_program
 
@@ -126,7 +127,7 @@ def of_notebook(result: Result, report: str | None = None) -> str:
     )
     table = "".join(f"<tr><td>{name}</td><td>{one}</td><td>{other}</td></tr>" for name, one, other in rows)
     picture = "" if report is None else framed(report)
-    how = html.escape(f"{metrics.elements} elements, {metrics.iterations} iterations in {metrics.seconds:.3g} s, "
+    how = html.escape(f"{counted(metrics.elements, 'element')}, {counted(metrics.iterations, 'iteration')} in {metrics.seconds:.3g} s, "
                       f"{metrics.stop_reason}")  # fmt: skip
     return (f"<div><div><b>{html.escape(result.job)}</b>: {how}</div>"
             "<div>Cells by scaled Jacobian (square root of their number): "

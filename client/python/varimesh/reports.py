@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from . import wire
 from .errors import BadOption
-from .names import spelled
+from .names import counted, spelled
 from .numbering import OF_FILES, Numbering
 from .options import GeometryReport, LayersReport, geometry_report_of, layers_report_of
 from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
@@ -59,7 +59,7 @@ class Quality:
     def __repr__(self) -> str:
         valid, left = self.certified.valid, self.certified.invalid + self.certified.undecided
         return (f"<quality: scaled Jacobian at least {self.min_scaled_jacobian:.4f}, {self.mean_scaled_jacobian:.4f} on average; "
-                f"{valid} of {valid + left} cells certified valid>")  # fmt: skip
+                f"{valid} of {counted(valid + left, 'cell')} certified valid>")  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,9 +154,10 @@ class Metrics:
     geometry: GeometryReport | None = None  # only if the job has a CAD model; `before` is then the mesh that has slid
     slide_trials: tuple[SlideTrial, ...] = ()  # the other ways to slide that were tried, in order
     layers: LayersReport | None = None  # only if thick cells were split into layers, whose quality is `after` then
+    device: str = ""  # on which steps of Newton's method were made; empty: the processor
 
     def __repr__(self) -> str:
-        return f"<metrics of {self.elements} elements: {self.stop_reason}; before {self.before}, after {self.after}>"
+        return f"<metrics of {counted(self.elements, 'element')}: {self.stop_reason}; before {self.before}, after {self.after}>"
 
     @property
     def remedies(self) -> tuple[str, ...]:
@@ -180,6 +181,7 @@ class ServerInfo:
     takes_geometries: bool  #: whether boundary nodes may slide on CAD models in jobs of this server
     takes_layers: bool  #: whether jobs of this server split thick cells into layers
     keeps_orders: bool  #: whether jobs of this server write elements at their own orders again
+    device: str  #: the graphics card that jobs may have there; empty: none, as on every server
 
     def check(self, *, geometry: bool = False, layers: bool = False, keep_orders: bool = False) -> None:
         """Raises BadOption if a job asks for what the server does not know. An old server would leave it out without a word."""
@@ -267,7 +269,7 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         geometry_report_of(message.geometry, numbering) if message.HasField("geometry") else None,
         tuple(slide_trial_of(one) for one in message.slide_trials),
         layers_report_of(message.layers, quality_of(message.layers.thick, numbering))
-        if message.HasField("layers") else None)  # fmt: skip
+        if message.HasField("layers") else None, message.device)  # fmt: skip
 
 
 def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
@@ -278,4 +280,4 @@ def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
         tuple(format_name(one) for one in message.output_formats),
         tuple(spelled(optimise_pb2.Energy.DESCRIPTOR, one) for one in message.energies),
         message.pending_jobs, message.running_jobs, message.takes_geometries,
-        message.takes_layers, message.keeps_orders)  # fmt: skip
+        message.takes_layers, message.keeps_orders, message.device)  # fmt: skip

@@ -10,8 +10,8 @@ function verdict(document) {
   const last = qualities(document).at(-1)[1];
   const {elements} = document.mesh;
   const left = elements - last.certified.valid;
-  if (left === 0) return ['good', `All ${grouped(elements)} elements are certified valid.`];
-  const {sentence, remedies} = document.left ?? {sentence: `${grouped(left)} elements are not certified valid.`, remedies: []};
+  if (left === 0) return ['good', elements === 1 ? 'The element is certified valid.' : `All ${grouped(elements)} elements are certified valid.`];
+  const {sentence, remedies} = document.left ?? {sentence: `${counted(left, 'element is', 'elements are')} not certified valid.`, remedies: []};
   return ['bad', [sentence, ...remedies.map((remedy) => remedy.sentence)].join(' ')];
 }
 

@@ -16,7 +16,7 @@
 // Everything from here to "end" is compiled for the card too. The headers above are the processor's.
 #pragma clang force_cuda_host_device begin
 #include "core/device_kernels/card/threads-inl.h"
-#include "core/device_kernels/kernels/general-inl.h"
+#include "core/device_kernels/kernels/linearised-inl.h"
 #include "core/energy/table-inl.h"
 #pragma clang force_cuda_host_device end
 
@@ -24,7 +24,7 @@ namespace varimesh::N_ONE_LANE {
 namespace {
 
 constexpr int d = VARIMESH_DIMENSION;
-using Thread = GeneralThread<VARIMESH_ENERGY, d>;
+using Thread = LinearisedThread<VARIMESH_ENERGY, d>;
 using device::GeneralArguments;
 
 template <class Work>
@@ -51,6 +51,8 @@ KERNEL(linearise, a.points, stress<true>())
 KERNEL(gradient, a.nodes, gradient())
 KERNEL(change_stress, a.points, change_stress())
 KERNEL(product, a.nodes, product())
+KERNEL(node_block, a.nodes, node_block())
+KERNEL(mean_tensor, 1, mean_tensor())
 
 VARIMESH_KERNEL add_up_products(device::SumArguments a) { add_up_products_of_block<d>(a); }
 

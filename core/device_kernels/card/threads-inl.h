@@ -19,15 +19,24 @@ VARIMESH_ON_CARD std::int64_t thread() {
   return static_cast<std::int64_t>(__nvvm_read_ptx_sreg_ctaid_x()) * threads_of_block() + thread_of_block();
 }
 
-template <int d>
-VARIMESH_ON_CARD void add_up_products_of_block(const device::SumArguments& a) {
-  shared_numbers[thread_of_block()] = add_up_product<d>(a, thread());
+/// Joins the numbers of a block's threads in a tree, and writes the result.
+template <class Join>
+VARIMESH_ON_CARD void join_block(double own, double* parts, const Join& join) {
+  shared_numbers[thread_of_block()] = own;
   for (int width = threads_of_block() / 2; width > 0; width /= 2) {
     __syncthreads();
     if (thread_of_block() < width)
-      shared_numbers[thread_of_block()] = shared_numbers[thread_of_block()] + shared_numbers[thread_of_block() + width];
+      shared_numbers[thread_of_block()] =
+          join(shared_numbers[thread_of_block()], shared_numbers[thread_of_block() + width]);
   }
-  if (thread_of_block() == 0) a.along[__nvvm_read_ptx_sreg_ctaid_x()] = shared_numbers[0];
+  if (thread_of_block() == 0) parts[__nvvm_read_ptx_sreg_ctaid_x()] = shared_numbers[0];
+}
+
+template <int d>
+VARIMESH_ON_CARD void add_up_products_of_block(const device::SumArguments& a) {
+  join_block(
+      add_up_product<d>(a, thread()), a.along,
+      [](double one, double two) __attribute__((always_inline)) { return one + two; });
 }
 
 }  // namespace varimesh::N_ONE_LANE

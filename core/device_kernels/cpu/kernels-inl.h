@@ -9,7 +9,7 @@
 
 #include "core/device/device.h"
 #include "core/device_kernels/kernels/cells-inl.h"
-#include "core/device_kernels/kernels/general-inl.h"
+#include "core/device_kernels/kernels/linearised-inl.h"
 #include "core/device_kernels/kernels/norm-inl.h"
 #include "core/device_kernels/kernels/product-inl.h"
 #include "core/energy/table-inl.h"
@@ -97,7 +97,7 @@ struct CpuKernels {
 /// Kernels for cells of any shape and order.
 template <class E, int d>
 struct GeneralCpuKernels {
-  using Thread = GeneralThread<E, d>;
+  using Thread = LinearisedThread<E, d>;
   using Arguments = device::GeneralArguments;
 
   /// Calls work(thread) for each thread of a block; each batch has `per_batch` × lane threads.
@@ -134,6 +134,12 @@ struct GeneralCpuKernels {
   static void product(const void* arguments, std::int32_t block, std::int32_t threads) {
     on(arguments, block, threads, &Arguments::nodes, [](const Thread& thread) { thread.product(); });
   }
+  static void node_block(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::nodes, [](const Thread& thread) { thread.node_block(); });
+  }
+  static void mean_tensor(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, nullptr, [](const Thread& thread) { thread.mean_tensor(); });
+  }
 
   static constexpr CpuKernel kKernels[] = {
       {"deform", deform},
@@ -144,6 +150,8 @@ struct GeneralCpuKernels {
       {"gradient", gradient},
       {"change_stress", change_stress},
       {"product", product},
+      {"node_block", node_block},
+      {"mean_tensor", mean_tensor},
       {"add_up_products", add_up_products<d>},
       {"add_up_gradients", add_up_gradients<d>},
       {"keep_cell_gradients", norm_kernel<keep_cell_gradient<d>>},

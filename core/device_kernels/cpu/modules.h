@@ -17,4 +17,8 @@ std::span<const CpuKernel> cpu_tetrahedra_5(const Material& material);
 std::span<const CpuKernel> cpu_general_2d(const Material& material);
 std::span<const CpuKernel> cpu_general_3d(const Material& material);
 
+/// Those of Newton's method besides the kernels of the cells. No energy is in them.
+std::span<const CpuKernel> cpu_solver_2d();
+std::span<const CpuKernel> cpu_solver_3d();
+
 }  // namespace varimesh::device

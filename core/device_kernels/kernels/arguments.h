@@ -82,6 +82,9 @@ struct GeneralArguments {
   float* linearisation = nullptr;
   std::int16_t* deformation = nullptr;
   float* mean = nullptr;
+
+  const float* cell_gradients = nullptr;  ///< NormArguments::gradients; null: no p-norm.
+  float* tensors = nullptr;               ///< By cell: its mean tensor, as HessianKernels::mean_tensors has it.
 };
 
 /// The p-norm's own term, in the cells of a set.

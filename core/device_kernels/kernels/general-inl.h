@@ -137,16 +137,10 @@ class GeneralThread {
         for (int i = 0; i < d; ++i) G[i * d + k] = __builtin_fmaf(u[i], derivative, G[i * d + k]);
       }
     }
-    double numbers[d * d];
-    load_inverse(own_, numbers);
-    FloatMatrix<d> inverse, dG;
-    for (int i = 0; i < d * d; ++i) {
-      inverse.at[i / d][i % d] = Floats{static_cast<float>(numbers[i])};
-      dG.at[i / d][i % d] = Floats{G[i]};
-    }
-    const KeptPoints<d> kept(a_.linearisation + at_batch(Kept::kEntries), Kept::kEntries,
-                             a_.deformation + at_batch(d * d),
-                             a_.mean + static_cast<std::int64_t>(batch_) * (d * d + 1) * kBatch, lane_);
+    const FloatMatrix<d> inverse = inverse_target(own_);
+    FloatMatrix<d> dG;
+    for (int i = 0; i < d * d; ++i) dG.at[i / d][i % d] = Floats{G[i]};
+    const KeptPoints<d> kept = kept_points();
     const FloatMatrix<d> out =
         stress_change(energy_, kept.deformation(own_), kept.partials(own_), dG.template times<false>(inverse))
             .template times<true>(inverse);
@@ -168,7 +162,24 @@ class GeneralThread {
     for (int i = 0; i < d; ++i) contribution(d)[i] = turned[i];
   }
 
- private:
+ protected:
+  /// What was kept of the cell's points.
+  HWY_INLINE KeptPoints<d> kept_points() const {
+    return KeptPoints<d>(a_.linearisation + at_batch(Kept::kEntries), Kept::kEntries, a_.deformation + at_batch(d * d),
+                         a_.mean + static_cast<std::int64_t>(batch_) * (d * d + 1) * kBatch, lane_);
+  }
+  /// A⁻¹ in single precision.
+  HWY_INLINE FloatMatrix<d> inverse_target(int point) const {
+    double numbers[d * d];
+    load_inverse(point, numbers);
+    FloatMatrix<d> inverse;
+    for (int i = 0; i < d * d; ++i) inverse.at[i / d][i % d] = Floats{static_cast<float>(numbers[i])};
+    return inverse;
+  }
+  /// The number of the cell's own node among those of all cells of the set.
+  HWY_INLINE std::int64_t cell_node() const {
+    return (static_cast<std::int64_t>(batch_) * a_.nodes + own_) * kBatch + lane_;
+  }
   HWY_INLINE std::int64_t at_batch(int size) const {
     return static_cast<std::int64_t>(batch_) * a_.points * size * kBatch;
   }
@@ -202,9 +213,7 @@ class GeneralThread {
     for (int i = 0; i < d * d; ++i) F[i / d][i % d] = Real{field(point)[i * kBatch]};
     return F;
   }
-  HWY_INLINE float* contribution(int width) const {
-    return a_.contributions + ((static_cast<std::int64_t>(batch_) * a_.nodes + own_) * kBatch + lane_) * width;
-  }
+  HWY_INLINE float* contribution(int width) const { return a_.contributions + cell_node() * width; }
   HWY_INLINE void add_outer(const double* x, int node, int point, double (&G)[d * d]) const {
     for (int k = 0; k < d; ++k) {
       const double derivative = derivative_of(node, point, k);

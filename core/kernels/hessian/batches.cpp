@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::int32_t kBatchesPerTask = 64;
 constexpr std::size_t kNodesPerTask = 16384;
+constexpr std::size_t kNumbersPerTask = 16384;
 
 BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& rank, int entries, const Team& team) {
   const int d = cells.dimension, nodes = cells.nodes_per_cell;
@@ -80,12 +81,14 @@ void copy_targets(std::vector<BatchSet>& batches, const Team& team) {
     const CellSet& cells = *set.cells;
     const int square = cells.dimension * cells.dimension, per_cell = cells.affine ? 1 : cells.points;
     set.left_factor.resize(cells.left_factor.empty() ? 0 : static_cast<std::size_t>(set.count) * square * kBatch);
-    for (std::size_t i = 0; i < set.left_factor.size(); ++i) {
-      const std::int32_t lane = static_cast<std::int32_t>(i % kBatch),
-                         b = static_cast<std::int32_t>(i / kBatch) / square;
-      const double* factor = cells.left_factor_of(std::min(b * kBatch + lane, cells.count - 1));
-      set.left_factor[i] = static_cast<float>(factor[i / kBatch % square]);
-    }
+    team.for_ranges(set.left_factor.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const std::int32_t lane = static_cast<std::int32_t>(i % kBatch),
+                           b = static_cast<std::int32_t>(i / kBatch) / square;
+        const double* factor = cells.left_factor_of(std::min(b * kBatch + lane, cells.count - 1));
+        set.left_factor[i] = static_cast<float>(factor[i / kBatch % square]);
+      }
+    });
     const Eigen::MatrixXd to_s = set.gradient.directions.transpose().inverse();
     team.for_each(set.count * kBatch, kBatch * kBatchesPerTask, [&](std::int32_t cell) {
       for (int slot = 0; slot < per_cell; ++slot) {

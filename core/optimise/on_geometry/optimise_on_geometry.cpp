@@ -60,12 +60,10 @@ class Runs {
     is_first_ = false;
     const bool is_in_haste = refines_ && options_.time_limit > 0;  // refining helps sooner, but adds elements
     if (!is_only_run && !is_in_haste) try_others();
-    if (refines_ && left(best_.result) > 0 && may_be_split()) {
+    if (refines_ && left(best_.result) > 0 && may_be_split(mesh_)) {
       options_.repair = Repair::Split;
       split_inside();
-      refine();
-      const bool went_on = std::exchange(best_slide_, SlideOn::All) == SlideOn::Coupled;
-      if (went_on && left(best_.result) > 0 && (split_inside() || !refinement_)) refine();
+      refine_in_stages();
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
     if (!is_only_run && is_in_haste) try_others();
@@ -79,14 +77,19 @@ class Runs {
   }
 
  private:
-  /// What refining has done to the mesh that is taken, and whether it might have gone on.
+  /// What refining has done to the mesh that is taken, whether it might have gone on, and where the model leaves no
+  /// room for the elements that are left.
   void tell_of_refining() {
-    if (is_full_ && left(best_.result) > 0)
-      refinement_ = (refinement_ ? *refinement_ + " " : "") + full_sentence(most_cells());
-    if (!refinement_) return;
-    if (best_.slid) *refinement_ += farther_sentence(best_.slid->slid.report);
-    tell(*refinement_);
-    if (best_.slid) best_.slid->slid.sentences.push_back(*refinement_);
+    const bool is_full = is_full_ && left(best_.result) > 0;
+    const SlideReport* slid = best_.slid ? &best_.slid->slid.report : nullptr;
+    const double time_left = options_.time_limit > 0 ? std::max(kNoTime, options_.time_limit - spent()) : 0;
+    for (const std::string& sentence :
+         {refining_sentence(refinement_, mesh_, best_.result, is_full ? most_cells() : 0, slid),
+          is_ended() ? "" : cusps_sentence(best_.result, model_, threads_to_slide(), time_left, control_.stop_asked)}) {
+      if (sentence.empty()) continue;
+      tell(sentence);
+      if (best_.slid) best_.slid->slid.sentences.push_back(sentence);
+    }
   }
 
   struct Run {
@@ -99,19 +102,22 @@ class Runs {
   /// Of the time limit, in seconds. Runs that go on from a checkpoint have spent more than has passed since.
   double spent() const { return std::max(spent_, watch_.seconds()); }
 
+  /// Whether the mesh was optimised as it came. To slide once more would take no less time.
+  bool is_cut_short() const { return !best_.slid || best_.slid->slid.is_cut_short; }
+
   void try_others() {
-    // If sliding was cut short, the mesh was optimised as it came, and to slide once more would take no less time.
-    if (!best_.slid || best_.slid->slid.is_cut_short) return;
+    if (is_cut_short()) return;
     if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
     if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto && mesh_.dimension == 3)
       try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
     if (left(best_.result) > 0) try_other(SlideOn::None, {}, 1);
   }
 
-  bool may_go_on() const {
-    const bool is_over = options_.time_limit > 0 && spent() >= options_.time_limit;
-    return !(is_over || best_.result.stopped || is_stopped_ || (control_.stop_asked && control_.stop_asked()));
+  /// By the caller.
+  bool is_ended() const {
+    return best_.result.stopped || is_stopped_ || (control_.stop_asked && control_.stop_asked());
   }
+  bool may_go_on() const { return !is_ended() && !(options_.time_limit > 0 && spent() >= options_.time_limit); }
 
   /// Takes another run if it is better.
   void try_other(SlideOn slide, const Asked& asked, double share) {
@@ -158,11 +164,6 @@ class Runs {
                         : SlideTrial::Outcome::NoBetter;
   }
 
-  bool may_be_split() const {
-    const Shape simplex = mesh_.dimension == 3 ? Shape::Tetrahedron : Shape::Triangle;
-    return std::ranges::any_of(mesh_.blocks, [&](const ElementBlock& block) { return block.shape == simplex; });
-  }
-
   /// How many elements the mesh may have. Splits inside count, too.
   std::size_t most_cells() const {
     return static_cast<std::size_t>(geometry_.growth * static_cast<double>(mesh_.element_count(mesh_.dimension)));
@@ -174,31 +175,49 @@ class Runs {
   /// taken.
   bool split_inside() {
     if (mesh_.dimension != 3 || !may_go_on()) return false;
-    auto split = best_slide_ == SlideOn::Coupled ? run(best_.result.mesh, SlideOn::None, kMostShareBeforeRefining, true)
-                                                 : run(mesh_, geometry_.slide, kMostShareBeforeRefining);
+    auto split = best_slide_ == SlideOn::Coupled || is_cut_short()
+                     ? run(best_.result.mesh, SlideOn::None, kMostShareBeforeRefining, true)
+                     : run(mesh_, geometry_.slide, kMostShareBeforeRefining);
     if (!split || split->cut_short != StopToken::Reason::None) return false;
     is_stopped_ = split->result.stopped;
     if (is_stopped_ || !may_have(split->result.mesh) ||
         !is_better(merit_of(split->result.after), merit_of(best_.result.after)))
       return false;
-    take_refined(std::move(*split));
+    take_refined(best_, std::move(split->result), std::move(split->slid));
     refinement_.reset();
     return true;
   }
 
+  /// Where all nodes have moved together, the boundary bends to make room, which sliding would take away. So it stays
+  /// at first. If this does not help, all nodes move together in each round, and at last boundary nodes slide.
+  /// If sliding was cut short, the boundary stays in all rounds.
+  void refine_in_stages() {
+    if (is_cut_short()) return refine(SlideOn::None);
+    const bool is_free = geometry_.slide == SlideOn::Auto || geometry_.slide == SlideOn::Coupled;
+    const bool went_on = std::exchange(best_slide_, SlideOn::All) == SlideOn::Coupled;
+    most_distance_ = most_distance_in_rounds(best_.slid->slid.report);
+    refine(went_on ? SlideOn::None : is_free ? SlideOn::All : geometry_.slide);
+    if (is_free && mesh_.dimension == 3) refine(SlideOn::Coupled);
+    if (!went_on || left(best_.result) == 0) return;
+    if (!refinement_) split_inside();
+    refine(SlideOn::All);
+  }
+
   /// Splits edges of the elements that are left, and optimises the mesh from there, round by round. Takes the best.
-  void refine() {
-    const std::size_t came = mesh_.element_count(mesh_.dimension);
+  /// @param slide  in each round
+  void refine(SlideOn slide) {
     HighOrderMesh mesh = best_.result.mesh;
-    Refinement refinement;
+    Refinement refinement = refinement_.value_or(Refinement());
+    refinement.is_full = false;
     refinement.steps = splits_of(best_.result.repairs);
     std::vector<std::int64_t> wanted = uncertified_numbers(best_.result.after);
     std::size_t fewest = wanted.size();
     int in_vain = 0;  // rounds since there were fewer
-    for (int round = 0; round < kMostRounds && in_vain < kMostInVain && !wanted.empty() && may_go_on(); ++round) {
+    int round = 0;
+    for (; round < kMostRounds && in_vain < kMostInVain && !wanted.empty() && may_go_on(); ++round) {
       std::ranges::sort(wanted);
-      auto other = refined_run(mesh, wanted, most_cells(), refinement);
-      is_stopped_ = other && (other->result.stopped || other->cut_short == StopToken::Reason::Asked);
+      auto other = refined_run(mesh, slide, wanted, refinement);
+      if (other) is_stopped_ = other->result.stopped || other->cut_short == StopToken::Reason::Asked;
       if (!other || is_stopped_ || other->cut_short != StopToken::Reason::None) break;
       wanted = uncertified_numbers(other->result.after);
       in_vain = wanted.size() < fewest ? 0 : in_vain + 1;
@@ -209,28 +228,14 @@ class Runs {
       refinement.steps = splits_of(all);
       if (!may_have(mesh) || !is_better(merit_of(other->result.after), merit_of(best_.result.after))) continue;
       other->result.repairs = std::move(all);
-      take_refined(std::move(*other));
-      refinement_ = refinement.sentence(came, mesh.element_count(mesh.dimension));
+      take_refined(best_, std::move(other->result), std::move(other->slid));
+      refinement_ = refinement;
     }
-    is_full_ = refinement.is_full;
-  }
-
-  /// The best mesh so far gives way to one that was made from it. What is said about the mesh as it came stays.
-  void take_refined(Run&& other) {
-    other.result.before = std::move(best_.result.before);
-    if (other.slid && best_.slid) {
-      other.slid->slid.sentences = std::move(best_.slid->slid.sentences);
-      other.slid->slid.straight_elements = best_.slid->slid.straight_elements;
-      const SlideReport now = std::exchange(other.slid->slid.report, best_.slid->slid.report);
-      other.slid->slid.report.after = now.after;
-      other.slid->slid.report.folded_after = now.folded_after;
-      best_.slid = std::move(other.slid);
-    }
-    best_.result = std::move(other.result);
+    is_full_ = refinement.is_full || (is_full_ && round == 0);
   }
 
   /// Nothing if no edge may be split.
-  std::optional<Run> refined_run(HighOrderMesh& mesh, const std::vector<std::int64_t>& wanted, std::size_t most,
+  std::optional<Run> refined_run(HighOrderMesh& mesh, SlideOn slide, const std::vector<std::int64_t>& wanted,
                                  Refinement& refinement) {
     StopToken stop(control_.stop_asked);
     if (options_.time_limit > 0) stop.stop_after(std::max(kNoTime, options_.time_limit - spent()));
@@ -238,21 +243,14 @@ class Runs {
     geometry.threads = threads_to_slide();
     geometry.stop = &stop;
     try {
-      const auto split = refine_on_model(mesh, geometry, *model_, wanted, most, refinement);
+      const auto split = refine_on_model(mesh, geometry, *model_, wanted, most_cells(), refinement);
       if (!split || *split == 0) return std::nullopt;
     } catch (const Interrupted&) {
+      is_stopped_ = stop.reason() == StopToken::Reason::Asked;
       return std::nullopt;
     }
-    const bool is_free = geometry_.slide == SlideOn::Auto || geometry_.slide == SlideOn::Coupled;
-    // Where all nodes have moved together, the boundary bends to make room. Sliding would take this room away.
-    const SlideOn slide = best_slide_ == SlideOn::Coupled ? SlideOn::None : is_free ? SlideOn::All : geometry_.slide;
     auto done = run(mesh, slide, kMostShare, true);
     return done ? std::optional(std::move(*done)) : std::nullopt;
-  }
-
-  static std::vector<RepairStep> splits_of(std::vector<RepairStep> steps) {
-    std::erase_if(steps, [](const RepairStep& step) { return step.kind == RepairStep::Kind::Left; });
-    return steps;
   }
 
   int threads_to_slide() const {
@@ -323,6 +321,7 @@ class Runs {
       geometry.order = 0;
       geometry.snap = false;
     }
+    if (slide == SlideOn::Coupled && is_curved && geometry.tolerance == 0) geometry.tolerance = most_distance_;
     geometry.coupled_seconds = limit / 2;
     geometry.threads = threads_to_slide();
     geometry.stop = &stop;
@@ -369,13 +368,14 @@ class Runs {
   CheckpointsOfRuns checkpoints_;
   ResultOnGeometry best_;
   SlideOn best_slide_ = geometry_.slide;  ///< How its nodes have slid.
+  double most_distance_ = 0;              ///< How far the boundary may lie in rounds of refining; 0: no round yet.
   bool is_first_ = true;
-  std::optional<std::string> refinement_;  ///< What has refined the best mesh, in a sentence.
-  bool is_full_ = false;                   ///< Refining would have split more, but the mesh may not grow so far.
-  int iterations_ = 0;                     ///< Of all runs so far,
-  const Stopwatch& watch_;                 ///< and their seconds:
-  double spent_;                           ///< those before them, and what they say themselves.
-  bool is_stopped_ = false;                ///< A run after the first was stopped.
+  std::optional<Refinement> refinement_;  ///< What has refined the best mesh.
+  bool is_full_ = false;                  ///< Refining would have split more, but the mesh may not grow so far.
+  int iterations_ = 0;                    ///< Of all runs so far,
+  const Stopwatch& watch_;                ///< and their seconds:
+  double spent_;                          ///< those before them, and what they say themselves.
+  bool is_stopped_ = false;               ///< A run after the first was stopped.
 };
 
 }  // namespace

@@ -4,12 +4,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/optimise/on_geometry/optimise_on_geometry.h"
 #include "core/options/geometry_options.h"
 #include "core/repair/repair_step.h"
 #include "core/slide/slide_report.h"
@@ -26,17 +29,10 @@ struct Refinement {
   bool is_full = false;            ///< The mesh may not grow as far as it would have.
   std::set<std::string> surfaces;  ///< At which surfaces of the model, as Surface::number_text().
   std::vector<RepairStep> steps;   ///< One for each edge.
-
-  /// For a person.
-  /// @param before, after  how many elements the mesh had, and has
-  std::string sentence(std::size_t before, std::size_t after) const;
 };
 
-/// For a person, if refining ends because the mesh may not have more elements than these.
-std::string full_sentence(std::size_t most_cells);
-/// A space and a sentence for a person, if the boundary of the refined mesh lies farther from the model than that which
-/// came; else nothing.
-std::string farther_sentence(const SlideReport& report);
+/// Whether the mesh has elements whose edges can be split.
+bool may_be_split(const HighOrderMesh& mesh);
 
 /// Swaps edges of these elements that no split can help (core/repair/boundary/boundary_swaps.h), or if there are none,
 /// splits edges (core/repair/boundary/refine.h), and adds to `done`. Returns how many. `options.fix`, `threads` and
@@ -47,5 +43,33 @@ std::string farther_sentence(const SlideReport& report);
 Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
                                       const geometry::Geometry& model, const std::vector<std::int64_t>& wanted,
                                       std::size_t most_cells, Refinement& done);
+
+/// The steps without those that left something.
+std::vector<RepairStep> splits_of(std::vector<RepairStep> steps);
+
+/// The best mesh so far gives way to one that was made from it. What is said about the mesh as it came stays.
+void take_refined(ResultOnGeometry& best, Result&& other, std::optional<SlidAndMeasured>&& slid);
+
+/// Sentences for a person: what refining has done, whether it ended because the mesh may not have more elements, and
+/// whether the boundary lies farther from the model now. Empty if there is nothing to say.
+/// @param done     nothing: the best mesh was not refined
+/// @param came     the mesh as it came
+/// @param full_at  how many it may have, if refining ended there; else 0
+/// @param slid     what came of sliding; null: not known
+std::string refining_sentence(const std::optional<Refinement>& done, const HighOrderMesh& came, const Result& best,
+                              std::size_t full_at, const SlideReport* slid);
+
+/// A sentence for a person about cusps of the model at elements that are not certified valid
+/// (core/repair/boundary/cusps.h). Empty if there are none, without a model, if the search is stopped, and if there is
+/// no memory for it.
+/// @param seconds     that are left to the run; 0: no limit. The search has half a second, and 20 s for a million
+///                    cells, even if less is left: elements at a cusp often use up all the time.
+/// @param stop_asked  whether the caller asks for a stop; may be empty
+std::string cusps_sentence(const Result& best, const geometry::Geometry* model, int threads, double seconds,
+                           const std::function<bool()>& stop_asked);
+
+/// How far from the model the boundary may lie in all rounds of refining together, where all nodes move together.
+/// @param slid  what came of sliding before
+double most_distance_in_rounds(const SlideReport& slid);
 
 }  // namespace varimesh

@@ -52,9 +52,11 @@ constexpr double kTimesTheWork = 2;
 
 std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
 
-/// Whether a cell is left that may still become valid.
+/// Whether a cell is left that may still become valid. Of a group that movement cannot repair, one cell has to stay
+/// invalid, and the others need not.
 bool leaves_hope(const Result& result) {
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
+  if (uncertified.size() > with_any_of(result.unrepairable, uncertified).size()) return true;
   if (uncertified.empty()) return false;
   const Cells cells(result.mesh, result.mesh.dimension);
   const std::vector<char> hopeless = cells_beyond_repair(result.unrepairable, cells.count());

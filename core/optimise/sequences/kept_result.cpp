@@ -95,6 +95,7 @@ void state(Archive& archive, Result& result) {
           result.stop_reason, result.mesh.coordinates, result.substitute_targets.elements);
   state(archive, result.substitute_targets.sentence);
   state(archive, result.kept_as_it_came);
+  state(archive, result.device);
   state(archive, result.after);
   list_state(archive, result.unrepairable);
   list_state(archive, result.repairs);

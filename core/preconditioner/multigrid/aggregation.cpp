@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/preconditioner/multigrid/hash.h"
+#include "core/base/random/hash.h"
 
 namespace varimesh::multigrid {
 namespace {

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
-#include "core/preconditioner/multigrid/hash.h"
+#include "core/base/random/hash.h"
+#include "core/base/reduction.h"
 
 namespace varimesh::multigrid {
 namespace {
@@ -15,7 +15,7 @@ namespace {
 constexpr int kLanczosSteps = 12;
 constexpr double kMargin = 1.1;
 constexpr double kLeastNorm = 1e-10;  // of the first diagonal entry, for another step of Lanczos' method
-constexpr std::size_t kRowsPerPart = 4096;
+constexpr std::size_t kRowsPerSum = 4096;
 
 bool is_usable(double diagonal) { return diagonal > 0 && std::isfinite(diagonal) && std::isfinite(1 / diagonal); }
 
@@ -29,42 +29,14 @@ void leave_out(const Team& team, LevelMatrix& matrix) {
   });
 }
 
-/// Calls part(begin, end), which returns a number, for fixed ranges of rows; the numbers are in the order of the
-/// ranges.
-template <class Part>
-std::vector<double> by_parts(const Team& team, std::size_t rows, const Part& part) {
-  std::vector<double> parts((rows + kRowsPerPart - 1) / kRowsPerPart);
-  team.for_ranges(parts.size(), 1, [&](std::size_t first, std::size_t last) {
-    for (std::size_t p = first; p < last; ++p)
-      parts[p] = part(p * kRowsPerPart, std::min(rows, (p + 1) * kRowsPerPart));
-  });
-  return parts;
-}
-
-/// The sum over rows of term(i), added up in a fixed order: the same bits for any number of threads.
-template <class Term>
-double sum_over_rows(const Team& team, std::size_t rows, const Term& term) {
-  const std::vector<double> parts = by_parts(team, rows, [&](std::size_t begin, std::size_t end) {
-    double sum = 0;
-    for (std::size_t i = begin; i < end; ++i) sum += term(i);
-    return sum;
-  });
-  return std::accumulate(parts.begin(), parts.end(), 0.0);
-}
-
 /// The largest Σ_j |a_ij| / a_ii.
 double row_bound(const Team& team, const LevelMatrix& matrix) {
-  const std::vector<double> parts = by_parts(team, at(matrix.rows), [&](std::size_t begin, std::size_t end) {
-    double bound = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      double sum = matrix.diagonal[i];
-      for (std::int64_t e = matrix.begin[i]; e < matrix.begin[i + 1]; ++e)
-        sum += std::abs(static_cast<double>(matrix.value[at(e)]));
-      bound = std::max(bound, sum * matrix.inverse[i]);
-    }
-    return bound;
+  return Reduction(team).largest(at(matrix.rows), kRowsPerSum, [&](std::size_t i) {
+    double sum = matrix.diagonal[i];
+    for (std::int64_t e = matrix.begin[i]; e < matrix.begin[i + 1]; ++e)
+      sum += std::abs(static_cast<double>(matrix.value[at(e)]));
+    return sum * matrix.inverse[i];
   });
-  return parts.empty() ? 0 : *std::max_element(parts.begin(), parts.end());
 }
 
 /// The largest eigenvalue of the tridiagonal matrix that Lanczos' method ends with.
@@ -168,7 +140,11 @@ double largest_eigenvalue(const Team& team, const LevelMatrix& matrix) {
   for (std::size_t i = 0; i < rows; ++i)
     v[i] = matrix.inverse[i] > 0 ? hash(static_cast<std::uint32_t>(i)) / 4294967296.0 - 0.5 : 0;
   std::vector<double> diagonal, beside;
-  double norm = std::sqrt(sum_over_rows(team, rows, [&](std::size_t i) { return matrix.diagonal[i] * v[i] * v[i]; }));
+  const Reduction reduction(team);
+  const auto norm_of_v = [&] {
+    return std::sqrt(reduction.sum(rows, kRowsPerSum, [&](std::size_t i) { return matrix.diagonal[i] * v[i] * v[i]; }));
+  };
+  double norm = norm_of_v();
   while (norm > (diagonal.empty() ? 0 : kLeastNorm * diagonal[0])) {
     const double beta = diagonal.empty() ? 0 : norm;
     if (!diagonal.empty()) beside.push_back(beta);
@@ -176,7 +152,7 @@ double largest_eigenvalue(const Team& team, const LevelMatrix& matrix) {
       for (std::size_t i = first; i < last; ++i) v[i] /= norm;
     });
     multiply(team, matrix, v, product);
-    const double alpha = sum_over_rows(team, rows, [&](std::size_t i) { return v[i] * product[i]; });
+    const double alpha = reduction.sum(rows, kRowsPerSum, [&](std::size_t i) { return v[i] * product[i]; });
     diagonal.push_back(alpha);
     if (static_cast<int>(diagonal.size()) == kLanczosSteps) break;
     team.for_ranges(rows, kRowsPerTask, [&](std::size_t first, std::size_t last) {
@@ -186,7 +162,7 @@ double largest_eigenvalue(const Team& team, const LevelMatrix& matrix) {
         v[i] = next;
       }
     });
-    norm = std::sqrt(sum_over_rows(team, rows, [&](std::size_t i) { return matrix.diagonal[i] * v[i] * v[i]; }));
+    norm = norm_of_v();
   }
   return diagonal.empty() ? 1 : std::min(kMargin * largest_of(diagonal, beside), row_bound(team, matrix));
 }

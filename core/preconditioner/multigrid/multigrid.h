@@ -49,7 +49,6 @@ class Multigrid {
   /// apply(). An estimate from grids of squares, triangles, cubes and tetrahedra.
   static std::int64_t bytes_needed(std::int64_t rows, std::int64_t entries, int columns);
 
- private:
   struct Level {
     multigrid::LevelMatrix matrix;
     double largest = 0;  ///< Of the eigenvalues of D⁻¹A.
@@ -57,7 +56,12 @@ class Multigrid {
     multigrid::FloatRows prolongator, restrictor;  ///< No rows on the last level.
     std::vector<double> right, solution, scratch;
   };
+  /// For those who run the cycle elsewhere: the levels, the finest first, and the factor of the last one; null: the
+  /// last level is only smoothed.
+  const std::vector<Level>& levels() const { return levels_; }
+  const multigrid::DenseFactor* coarsest() const { return is_dense_ ? &coarsest_ : nullptr; }
 
+ private:
   void build(const CompressedRows& matrix, bool keeps_aggregates);
   template <int d>
   void cycle(std::size_t level, const double* right, double* solution);

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <span>
 
+#include "core/base/reduction.h"
 #include "core/quality/accuracy/parts_table.h"
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/validity/cell_batches.h"
@@ -16,6 +18,8 @@ namespace {
 
 using detail::CellBatch;
 using detail::PartsTable;
+
+constexpr std::size_t kCellsPerTask = 2048;
 
 /// Matrices of one batch, which a thread keeps from batch to batch.
 struct Workspace {
@@ -86,50 +90,51 @@ double loss(const double* parts, std::size_t count, double volume, double total,
   return volume > 0 ? std::sqrt(sum) : std::numeric_limits<double>::infinity();
 }
 
-/// cell_accuracy() of a mesh with its nodes at `coordinates`.
-CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
-                     const Ranks& ranks = one_rank()) {
+/// The parts and volumes of the cells of a mesh with its nodes at `coordinates`, without their losses. Call it inside
+/// team.run().
+CellAccuracy measure_parts(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
   const std::size_t cells = mesh.element_count(mesh.dimension);
   CellAccuracy found;
   found.parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
-  found.loss.resize(cells);
   found.modal_parts.resize(cells * found.parts);
   found.volumes.resize(cells);
   const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kAccuracyBatch; });
-  team.run([&] {
-    team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t batch = begin; batch < end; ++batch)
-        measure_cells(coordinates, mesh.dimension, batches[batch], team.stop(), found);
-    });
+  team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t batch = begin; batch < end; ++batch)
+      measure_cells(coordinates, mesh.dimension, batches[batch], team.stop(), found);
   });
-  const double total = ranks.sum(exact_sum(found.volumes));
-  for (std::size_t cell = 0; cell < cells && found.parts > 0; ++cell)
-    found.loss[cell] =
-        loss(&found.modal_parts[cell * found.parts], found.parts, found.volumes[cell], total, mesh.dimension);
   return found;
 }
 
-}  // namespace
-
-CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
-  return measure(mesh, mesh.coordinates, team);
+/// cell_accuracy() of a mesh with its nodes at `coordinates`. Call it inside team.run().
+CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                     const Ranks& ranks = one_rank()) {
+  CellAccuracy found = measure_parts(mesh, coordinates, team);
+  const std::size_t cells = found.volumes.size();
+  found.loss.resize(cells);
+  const double total =
+      ranks.sum(Reduction(team).exact(cells, kCellsPerTask, [&](std::size_t cell) { return found.volumes[cell]; }));
+  if (found.parts == 0) return found;
+  team.for_ranges(cells, kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; ++cell)
+      found.loss[cell] =
+          loss(&found.modal_parts[cell * found.parts], found.parts, found.volumes[cell], total, mesh.dimension);
+  });
+  return found;
 }
 
-Accuracy accuracy(const HighOrderMesh& mesh, const Team& team, const Ranks& ranks) {
-  return accuracy(mesh, mesh.coordinates, team, ranks);
-}
+/// The sums over the cells of V_E, of V_E a_E², and of V_E m_s² for each part.
+struct VolumeSums {
+  std::vector<ExactSum> sums;
+  std::int64_t collapsed = 0;  ///< Cells without a volume.
 
-Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
-                  const Ranks& ranks) {
-  const CellAccuracy cells = measure(mesh, coordinates, team, ranks);
-  // The sums over the cells of V_E, of V_E a_E², and of V_E m_s² for each part.
-  std::vector<ExactSum> sums(2 + cells.parts);
-  std::int64_t collapsed = 0;
-  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
+  explicit VolumeSums(std::size_t parts) : sums(2 + parts) {}
+
+  void add(const CellAccuracy& cells, std::size_t cell) {
     const double volume = cells.volumes[cell];
     if (volume == 0) {
       ++collapsed;
-      continue;
+      return;
     }
     sums[0].add(volume);
     sums[1].add(volume * cells.loss[cell] * cells.loss[cell]);
@@ -138,17 +143,53 @@ Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates
       sums[2 + part].add(volume * value * value);
     }
   }
-  ranks.sum(sums);
-  collapsed = ranks.sum(collapsed);
-  const double total = sums[0].value();
+
+  void add(const VolumeSums& other) {
+    for (std::size_t i = 0; i < sums.size(); ++i) sums[i].add(other.sums[i]);
+    collapsed += other.collapsed;
+  }
+};
+
+VolumeSums volume_sums(const CellAccuracy& cells, const Team& team) {
+  VolumeSums all(cells.parts);
+  std::mutex mutex;
+  team.for_ranges(cells.volumes.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    VolumeSums mine(cells.parts);
+    for (std::size_t cell = begin; cell < end; ++cell) mine.add(cells, cell);
+    const std::scoped_lock lock(mutex);
+    all.add(mine);
+  });
+  return all;
+}
+
+}  // namespace
+
+CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
+  CellAccuracy cells;
+  team.run([&] { cells = measure(mesh, mesh.coordinates, team); });
+  return cells;
+}
+
+Accuracy accuracy(const HighOrderMesh& mesh, const Team& team, const Ranks& ranks) {
+  return accuracy(mesh, mesh.coordinates, team, ranks);
+}
+
+Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                  const Ranks& ranks) {
+  const std::size_t parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
+  VolumeSums all(parts);
+  team.run([&] { all = volume_sums(measure(mesh, coordinates, team, ranks), team); });
+  ranks.sum(all.sums);
+  const std::int64_t collapsed = ranks.sum(all.collapsed);
+  const double total = all.sums[0].value();
   Accuracy found;
-  found.modal_parts.resize(cells.parts);
-  if (cells.parts == 0 || (total == 0 && collapsed == 0)) return found;
+  found.modal_parts.resize(parts);
+  if (parts == 0 || (total == 0 && collapsed == 0)) return found;
   const auto root = [&](const ExactSum& sum) {
     return collapsed > 0 ? std::numeric_limits<double>::infinity() : std::sqrt(sum.value() / total);
   };
-  found.loss = root(sums[1]);
-  for (std::size_t part = 0; part < cells.parts; ++part) found.modal_parts[part] = root(sums[2 + part]);
+  found.loss = root(all.sums[1]);
+  for (std::size_t part = 0; part < parts; ++part) found.modal_parts[part] = root(all.sums[2 + part]);
   return found;
 }
 
@@ -158,17 +199,22 @@ double local_wave(const HighOrderMesh& mesh) {
 }
 
 double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
-  const CellAccuracy cells = measure(mesh, coordinates, team);
   const double wave = local_wave(mesh);
-  double sum = 0;
-  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
-    double weight = 1;
-    for (std::size_t part = cells.parts; part-- > 0;) {
-      const double value = cells.modal_parts[cell * cells.parts + part];
-      sum += (weight *= wave * wave) * value * value;
-    }
-  }
-  return cells.loss.empty() ? 0 : std::sqrt(sum / static_cast<double>(cells.loss.size()));
+  double mean = 0;
+  team.run([&] {
+    const CellAccuracy cells = measure_parts(mesh, coordinates, team);
+    const auto square_of = [&](std::size_t cell) {
+      double square = 0, weight = 1;
+      for (std::size_t part = cells.parts; part-- > 0;) {
+        const double value = cells.modal_parts[cell * cells.parts + part];
+        square += (weight *= wave * wave) * value * value;
+      }
+      return square;
+    };
+    const std::size_t count = cells.volumes.size();
+    if (count > 0) mean = Reduction(team).sum(count, kCellsPerTask, square_of) / static_cast<double>(count);
+  });
+  return std::sqrt(mean);
 }
 
 CellAccuracy cell_accuracy(const HighOrderMesh& mesh, int threads) { return cell_accuracy(mesh, Team(threads)); }

@@ -29,8 +29,8 @@ double local_wave(const HighOrderMesh& mesh);
 
 /// The local loss of a mesh with its nodes at `coordinates`. It is the loss with the same wave number in units of each
 /// cell's own size, k h = κ, and counts all N cells alike: its square is 1/N Σ_E Σ_s κ^(2(P+1−s)) m_s². So it takes the
-/// sizes of cells for what the mesher knew about the solution, and the sizes of cells far away do not change what those
-/// near a body are worth. The descent lowers it (core/solvers/descent). Infinite if det J = 0 in a cell.
+/// sizes of cells for what the mesher knew about the solution, and the sizes of cells far away do not change the weight
+/// of cells near a body. The descent lowers it (core/solvers/descent). Infinite if det J = 0 in a cell.
 double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team);
 
 /// The most bytes that accuracy() has in use, beside the tables.

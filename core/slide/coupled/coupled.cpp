@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "core/base/index.h"
+#include "core/base/shared_work.h"
 #include "core/base/stopwatch.h"
 #include "core/kernels/regularisation.h"
 #include "core/merit/merit.h"
@@ -22,6 +23,7 @@
 namespace varimesh::detail {
 namespace {
 
+constexpr std::size_t kCellsPerTask = 4096;
 constexpr int kMostStepsInside = 20, kMostSteps = 40;
 constexpr int kMostWithoutGain = 12;  // steps, before a descent ends
 /// The energy stands if it falls by less than this, relative to itself.
@@ -166,14 +168,13 @@ class Descent {
 
   Judged judge() {
     certifier_.certify(newton_.coordinates(), certificates_, team_);
-    std::vector<std::int32_t> unsure;
-    for (std::size_t cell = 0; cell < certificates_.size(); ++cell)
-      if (certificates_[cell].is_valid() && is_weak(certificates_[cell]))
-        unsure.push_back(static_cast<std::int32_t>(cell));
+    const std::vector<std::int32_t> unsure =
+        indices_where(team_, certificates_.size(), kCellsPerTask,
+                      [&](std::size_t cell) { return certificates_[cell].is_valid() && is_weak(certificates_[cell]); });
     exact_.certify(newton_.coordinates(), unsure, certificates_, team_);
-    Merit merit =
-        merit_of(certifier_.sharpen(newton_.coordinates(), certificates_, threshold::kGapOfStates, team_.stop()));
-    merit.weak = std::ranges::count_if(certificates_, is_weak);
+    Merit merit = merit_of(certifier_.sharpen(newton_.coordinates(), certificates_, threshold::kGapOfStates, team_));
+    merit.weak = count_where(team_, certificates_.size(), kCellsPerTask,
+                             [&](std::size_t cell) { return is_weak(certificates_[cell]); });
     return {newton_.state(), merit, energies_.boundary.folded(), {}};
   }
 

@@ -102,8 +102,9 @@ double CoupledNewton::linearise(bool /*renews*/) {
   directions_ = boundary_.directions();
   directions_.resize(ranks, Eigen::Matrix3d::Identity());
   if (!boundary_slides)
-    for (std::size_t rank = 0; rank < ranks; ++rank)
-      if (boundary_.slides(volume_.nodes()[rank])) directions_[rank].setZero();
+    team_.for_each(static_cast<std::int32_t>(ranks), kNodesPerTask, [&](std::int32_t rank) {
+      if (boundary_.slides(volume_.nodes()[at(rank)])) directions_[at(rank)].setZero();
+    });
   if (boundary_slides) boundary_hessian_ = &boundary_.linearise(delta_, boundary_weight, false, directions_, gradient_);
   team_.for_each(static_cast<std::int32_t>(ranks), kNodesPerTask, [&](std::int32_t rank) {
     const Eigen::Vector3d slope = directions_[at(rank)].transpose() * node(gradient_, at(rank));
@@ -124,8 +125,12 @@ bool CoupledNewton::make_convex() {
 }
 
 void CoupledNewton::begin_system() {
-  std::ranges::fill(step_, 0.0);
-  std::ranges::transform(gradient_, residual_.begin(), [](double g) { return -g; });
+  team_.for_ranges(step_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      step_[i] = 0;
+      residual_[i] = -gradient_[i];
+    }
+  });
 }
 
 void CoupledNewton::invert_block(std::int32_t rank, const std::array<double, 6>& of_volume) {
@@ -190,12 +195,8 @@ void CoupledNewton::advance(double alpha) {
 }
 
 void CoupledNewton::turn(double beta) {
-  if (beta == 0) {
-    direction_ = product_;
-    return;
-  }
   team_.for_ranges(step_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) direction_[i] = product_[i] + beta * direction_[i];
+    for (std::size_t i = begin; i < end; ++i) direction_[i] = product_[i] + (beta == 0 ? 0 : beta * direction_[i]);
   });
 }
 
@@ -211,10 +212,10 @@ double CoupledNewton::largest_step() {
 
 double CoupledNewton::finish_step() {
   const double slope = dot(gradient_, step_);
-  for (std::size_t rank = 0; rank < directions_.size(); ++rank) {
-    const Eigen::Vector3d move = volume_.diagonal() * (directions_[rank] * node(std::as_const(step_), rank));
-    node(step_, rank) = move;
-  }
+  team_.for_each(static_cast<std::int32_t>(directions_.size()), kNodesPerTask, [&](std::int32_t rank) {
+    const Eigen::Vector3d move = volume_.diagonal() * (directions_[at(rank)] * node(std::as_const(step_), at(rank)));
+    node(step_, at(rank)) = move;
+  });
   start_ = state();
   return slope;
 }
@@ -224,12 +225,12 @@ double CoupledNewton::move(double alpha) {
     restore(start_);
     return before_;
   }
-  std::vector<double> scaled = step_;
-  for (double& number : scaled) number *= alpha;
-  for (std::size_t rank = 0; rank < volume_.nodes().size(); ++rank)
-    if (!boundary_.slides(volume_.nodes()[rank]))
-      node(coordinates_, at(volume_.nodes()[rank])) =
-          node(start_.coordinates, at(volume_.nodes()[rank])) + node(std::as_const(scaled), rank);
+  std::vector<double> scaled(step_.size());
+  team_.for_each(static_cast<std::int32_t>(volume_.nodes().size()), kNodesPerTask, [&](std::int32_t rank) {
+    node(scaled, at(rank)) = alpha * node(std::as_const(step_), at(rank));
+    if (const std::int32_t moved = volume_.nodes()[at(rank)]; !boundary_.slides(moved))
+      node(coordinates_, at(moved)) = node(start_.coordinates, at(moved)) + node(std::as_const(scaled), at(rank));
+  });
   if (boundary_slides) boundary_.move(start_.places, scaled, coordinates_);
   return energy();
 }

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "core/base/index.h"
+#include "core/base/reduction.h"
 #include "core/kernels/p_norm.h"
 #include "core/options/options.h"
 #include "core/problem/substitute_shapes.h"
@@ -19,9 +20,10 @@ namespace {
 constexpr double kStraightWeight = 0.05;
 /// The weight of all points of the lattice together, beside 1 for those of the rule.
 constexpr double kLatticeWeight = 0.05;
+constexpr std::size_t kCellsPerTask = 4096;
 
 /// The cells of order 1 on the vertices of a mesh's cells.
-HighOrderMesh straight_cells(const HighOrderMesh& mesh) {
+HighOrderMesh straight_cells(const HighOrderMesh& mesh, const Team& team) {
   HighOrderMesh straight;
   straight.dimension = mesh.dimension;
   straight.order = 1;
@@ -34,9 +36,12 @@ HighOrderMesh straight_cells(const HighOrderMesh& mesh) {
     cells.entity = block.entity;
     cells.numbers = block.numbers;
     const auto stride = at(reference::node_count(block.shape, block.order));
-    for (std::size_t e = 0; e < block.size(); ++e)
-      cells.nodes.insert(cells.nodes.end(), block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride),
-                         block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride) + shape.vertices);
+    const auto vertices = at(shape.vertices);
+    cells.nodes.resize(block.size() * vertices);
+    team.for_ranges(block.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e)
+        std::copy_n(block.nodes.data() + e * stride, vertices, cells.nodes.data() + e * vertices);
+    });
     straight.blocks.push_back(std::move(cells));
   }
   return straight;
@@ -67,27 +72,6 @@ void use_file_nodes(CellSet& set) {
         set.derivatives[at((node * d + k) * set.stride + q)] = gradients[at(k)](std::min(q, set.points - 1), node);
 }
 
-/// Lists the incidences of the free nodes again, after sets were added.
-void list_incidences(Problem& problem) {
-  std::vector<std::int32_t> rank(problem.positions.size() / 3, -1);
-  for (std::size_t f = 0; f < problem.free.size(); ++f) rank[at(problem.free[f])] = static_cast<std::int32_t>(f);
-  problem.offsets.assign(problem.free.size() + 1, 0);
-  const auto visit = [&](const auto& use) {
-    for (std::size_t s = 0; s < problem.sets.size(); ++s)
-      for (std::size_t n = 0; n < problem.sets[s].nodes.size(); ++n)
-        if (const std::int32_t f = rank[at(problem.sets[s].nodes[n])]; f >= 0) {
-          const auto per_cell = at(problem.sets[s].nodes_per_cell);
-          use(at(f), Incidence{static_cast<std::int32_t>(n / per_cell), static_cast<std::int16_t>(s),
-                               static_cast<std::int16_t>(n % per_cell)});
-        }
-  };
-  visit([&](std::size_t f, const Incidence&) { ++problem.offsets[f + 1]; });
-  for (std::size_t f = 0; f < problem.free.size(); ++f) problem.offsets[f + 1] += problem.offsets[f];
-  problem.incidences.resize(at(problem.offsets.back()));
-  std::vector<std::int64_t> next(problem.offsets.begin(), problem.offsets.end() - 1);
-  visit([&](std::size_t f, const Incidence& incidence) { problem.incidences[at(next[f]++)] = incidence; });
-}
-
 }  // namespace
 
 VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team)
@@ -95,7 +79,7 @@ VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& f
   const Material material = varimesh::material(Options{});
   kernels_ = make_kernels(material, 3);
   hessian_ = make_hessian_kernels(material, 3);
-  const HighOrderMesh straight = straight_cells(mesh);
+  const HighOrderMesh straight = straight_cells(mesh, team);
   problem_ = build_problem(mesh, fixed, 0, team);
   Problem barrier = build_problem(straight, fixed, 0, team);
   const Certifier certifier(mesh, {}, team);
@@ -113,7 +97,7 @@ VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& f
     problem_.sets.push_back(std::move(set));
   }
   problem_.cells += barrier.cells;
-  list_incidences(problem_);
+  list_incidences(problem_, team);
   cells_.emplace(problem_, *kernels_, *hessian_, PNorm{}, team);
 }
 
@@ -126,7 +110,12 @@ std::vector<double> VolumeEnergy::volumes() const {
 }
 
 void VolumeEnergy::set_delta(double delta) {
-  for (CellSet& set : problem_.sets) set.delta_squared.assign(at(set.count), delta * delta);
+  for (CellSet& set : problem_.sets) {
+    set.delta_squared.resize(at(set.count));
+    team_.for_ranges(at(set.count), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      std::fill_n(set.delta_squared.data() + begin, end - begin, delta * delta);
+    });
+  }
 }
 
 void VolumeEnergy::place(std::span<const double> coordinates) {
@@ -144,9 +133,10 @@ double VolumeEnergy::energy(std::span<const double> coordinates) {
 }
 
 double VolumeEnergy::least() const {
-  double least = std::numeric_limits<double>::infinity();
-  for (const CellScan& scan : cells_->scans()) least = std::min(least, scan.smallest_jacobian);
-  return least;
+  const std::span<const CellScan> scans = cells_->scans();
+  return -Reduction(team_).largest(
+      scans.size(), kCellsPerTask, [&](std::size_t cell) { return -scans[cell].smallest_jacobian; },
+      -std::numeric_limits<double>::infinity());
 }
 
 }  // namespace varimesh::detail

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/reduction.h"
 #include "core/base/shared_work.h"
 #include "core/kernels/p_norm.h"
 #include "core/merit/thresholds.h"
@@ -63,7 +64,7 @@ Descent::Descent(const DescentContext& context)
     : context_(context),
       problem_(context.problem),
       team_(context.team),
-      from_(free_positions(problem_, problem_.positions)),
+      from_(free_positions(problem_, problem_.positions, team_)),
       space_(own_space(problem_, team_)),
       barrier_(problem_, context.kernels, context.hessian, PNorm{}, team_),
       form_(problem_, space_, local_wave(context.mesh), team_, barrier_.room()),
@@ -79,8 +80,9 @@ Descent::Descent(const DescentContext& context)
   barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
   const std::vector<Standing> standings = context.guard.standings();
   for (CellSet& set : problem_.sets)
-    for (std::int32_t cell = 0; cell < set.count; ++cell)
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
       if (standings[set.first + cell] == Standing::Valid) set.delta_squared[cell] = 0;
+    });
 }
 
 bool Descent::begin() {
@@ -115,22 +117,39 @@ bool Descent::stays_invalid_for_size() const {
 }
 
 Descent::State Descent::kept_state() const {
-  State state;
-  team_.run([&] {
-    state.coordinates = context_.guard.coordinates();
-    state.certificates = context_.guard.certificates();
-    judge(state);
-  });
-  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
-  state.merit.lower_than_it_came = lowers(state);
+  State state = judged_kept_state();
+  team_.run([&] { context_.guard.copy_coordinates(state.coordinates); });
   return state;
 }
 
-bool Descent::lowers(const State& state) const {
+Descent::State Descent::judged_kept_state() const {
+  State state;
+  std::vector<double> copy;
+  std::span<const double> coordinates = context_.guard.coordinates_in_place();
+  team_.run([&] {
+    if (coordinates.empty()) {
+      context_.guard.copy_coordinates(copy);
+      coordinates = copy;
+    }
+    state.certificates = context_.guard.certificates();
+    judge(coordinates, state);
+  });
+  state.merit.loss = local_loss(context_.mesh, coordinates, team_);
+  state.merit.lower_than_it_came = lowers(state.merit, coordinates);
+  return state;
+}
+
+void Descent::take_for_best(State state) {
+  state.coordinates = std::move(best_.coordinates);
+  best_ = std::move(state);
+  team_.run([&] { context_.guard.copy_coordinates(best_.coordinates); });
+}
+
+bool Descent::lowers(const Merit& merit, std::span<const double> coordinates) const {
   // To sample the mesh takes long, and no sample is below what is proved.
-  if (!context_.least || state.merit.smallest >= std::min(threshold::kWanted, context_.least->min_scaled_jacobian))
+  if (!context_.least || merit.smallest >= std::min(threshold::kWanted, context_.least->min_scaled_jacobian))
     return false;
-  return costs_shape(merit_of(scaled_jacobians(context_.mesh, state.coordinates, team_)), merit_of(*context_.least));
+  return costs_shape(merit_of(scaled_jacobians(context_.mesh, coordinates, team_)), merit_of(*context_.least));
 }
 
 Descent::State Descent::state_as_it_came() const {
@@ -139,15 +158,15 @@ Descent::State Descent::state_as_it_came() const {
   state.certificates.resize(context_.certifier.cells());
   team_.run([&] {
     context_.certifier.certify(state.coordinates, state.certificates, team_);
-    judge(state);
+    judge(state.coordinates, state);
   });
   state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
   return state;
 }
 
-void Descent::judge(State& state) const {
-  const Merit proved = merit_of(
-      context_.certifier.sharpen(state.coordinates, state.certificates, threshold::kGapOfDescent, team_.stop()));
+void Descent::judge(std::span<const double> coordinates, State& state) const {
+  const Merit proved =
+      merit_of(context_.certifier.sharpen(coordinates, state.certificates, threshold::kGapOfDescent, team_));
   state.merit.uncertified = proved.uncertified;
   state.merit.smallest = proved.smallest;
 }
@@ -194,10 +213,10 @@ void Descent::minimise(DescentRound& round) {
 void Descent::keep_certificates() {
   context_.guard.certify_moved();
   const std::vector<Standing> standings = context_.guard.standings();
-  for (std::size_t cell = 0; cell < lost_.size(); ++cell) {
+  team_.without_stop().for_each(problem_.cells, kCellsPerTask, [&](std::int32_t cell) {
     lost_[cell] = standings[cell] == Standing::Lost ? 1 : 0;
     uncertified_[cell] = standings[cell] == Standing::Uncertified || standings[cell] == Standing::Unrepairable ? 1 : 0;
-  }
+  });
   if (context_.guard.lost() > 0 && raises_lost_) {
     KeptRaiser raiser(context_.mesh, problem_, context_.guard, team_);
     if (raiser.raise_lost(asked_.bound, kLooksPerRound)) context_.guard.certify_moved();
@@ -209,29 +228,29 @@ std::int64_t Descent::raise_low(double wanted, double margin, const std::vector<
   std::int64_t low = 0;
   const std::span<const CellScan> scans = barrier_.scans();
   for (const CellSet& set : problem_.sets)
-    for (std::int32_t i = 0; i < set.count; ++i) {
+    low += count_where(team_.without_stop(), static_cast<std::size_t>(set.count), kCellsPerTask, [&](std::size_t i) {
       const std::size_t cell = static_cast<std::size_t>(set.first) + i;
       const bool may_be_low = certificates[set.mesh_cell[i]].scaled_jacobian_lower_bound < wanted;
       const bool is_low = may_be_low && scans[cell].scaled_jacobian < wanted + margin;
-      if (uncertified_[cell] != 0 || (lost_[cell] == 0 && !is_low)) continue;
+      if (uncertified_[cell] != 0 || (lost_[cell] == 0 && !is_low)) return false;
       factors_[cell] *= kRaise;
-      ++low;
-    }
+      return true;
+    });
   return low;
 }
 
 /// Sets what the scans of the last evaluation say.
 void Descent::note_scans(DescentRound& round) const {
   const std::span<const CellScan> scans = barrier_.scans();
-  double energy = 0, measure = 0;
-  round.min_scaled_jacobian = 1;
+  const Reduction reduction(team_);
+  double measure = 0;
   for (const CellSet& set : problem_.sets)
-    for (std::int32_t cell = 0; cell < set.count; ++cell) {
-      energy += scans[set.first + cell].energy;
-      measure += cell_measure(set, cell);
-      round.min_scaled_jacobian = std::min(round.min_scaled_jacobian, scans[set.first + cell].scaled_jacobian);
-    }
-  round.energy = energy / measure;
+    measure += reduction.sum(static_cast<std::size_t>(set.count), kCellsPerTask,
+                             [&](std::size_t cell) { return cell_measure(set, static_cast<std::int32_t>(cell)); });
+  round.energy =
+      reduction.sum(scans.size(), kCellsPerTask, [&](std::size_t cell) { return scans[cell].energy; }) / measure;
+  round.min_scaled_jacobian = -reduction.largest(
+      scans.size(), kCellsPerTask, [&](std::size_t cell) { return -scans[cell].scaled_jacobian; }, -1);
 }
 
 void Descent::accept(const State& state) {
@@ -323,7 +342,7 @@ DescentRound Descent::round() {
     keep_certificates();
   });
   note_scans(round);
-  State state = kept_state();
+  State state = judged_kept_state();
   const Merit& merit = state.merit;
   const double smallest = merit.smallest;
   if (merit.loss > threshold::kRises * accepted_loss_ && merit.smallest <= accepted_js_ && raises_ < kMostRaises) {
@@ -364,8 +383,8 @@ DescentRound Descent::round() {
   round.last = is_at_rest_ || (low == 0 && settled) || is_futile || !gains ||
                raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, merit.loss);
-  if (refines(state.merit) || is_better(state.merit, best_.merit, asked_)) {
-    best_ = std::move(state);
+  if (refines(merit) || is_better(merit, best_.merit, asked_)) {
+    take_for_best(std::move(state));
     best_settling_ = true;
   }
   if (low > 0) best_settling_ = false;

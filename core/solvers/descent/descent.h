@@ -131,11 +131,15 @@ class Descent {
   bool stays_invalid_for_size() const;
   /// The state that the guard keeps.
   State kept_state() const;
+  /// The same state without its coordinates. Few such states become the best one, and only these need a copy.
+  State judged_kept_state() const;
   State state_as_it_came() const;
-  /// Whether the state does not meet DescentContext::least.
-  bool lowers(const State& state) const;
-  /// Sets what the certificates say. Call it inside team.run().
-  void judge(State& state) const;
+  /// Whether a state with this merit does not meet DescentContext::least.
+  bool lowers(const Merit& merit, std::span<const double> coordinates) const;
+  /// Makes a state of judged_kept_state() the best one, and gives it its coordinates.
+  void take_for_best(State state);
+  /// Sets what the certificates of a mesh with its nodes at `coordinates` say. Call it inside team.run().
+  void judge(std::span<const double> coordinates, State& state) const;
   /// Whether it is valid, reaches the bound and is not lower than the mesh as it came.
   bool is_acceptable(const State& state) const {
     return state.merit.uncertified == 0 && reaches_bound(state) && !state.merit.lower_than_it_came;

@@ -52,7 +52,7 @@ bool Descent::restore(const std::vector<double>& accepted) {
   State best = best_;
   best.certificates.resize(context_.certifier.cells());
   context_.certifier.certify(best.coordinates, best.certificates, team_);
-  judge(best);
+  judge(best.coordinates, best);
   best_.certificates = std::move(best.certificates);
   return true;
 }

@@ -1,19 +1,17 @@
 #include "core/solvers/guard/best_mesh.h"
 
-#include <utility>
-
 namespace varimesh {
 
-double BestMesh::consider(const Guard& guard, const StopToken* stop) {
-  const double bound = examine(guard, Certifier::kMinimumGap, stop);
+double BestMesh::consider(const Guard& guard, const Team& team) {
+  const double bound = examine(guard, Certifier::kMinimumGap, team);
   if (examined_is_better()) keep_examined();
   return bound;
 }
 
-double BestMesh::examine(const Guard& guard, double gap, const StopToken* stop) {
+double BestMesh::examine(const Guard& guard, double gap, const Team& team) {
   certificates_ = guard.certificates();
-  examined_ = guard.coordinates();
-  examined_merit_ = merit_of(certifier_.sharpen(examined_, certificates_, gap, stop));
+  guard.copy_coordinates(examined_);
+  examined_merit_ = merit_of(certifier_.sharpen(examined_, certificates_, gap, team));
   return examined_merit_.smallest;
 }
 

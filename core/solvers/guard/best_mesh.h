@@ -17,13 +17,13 @@ class BestMesh {
   explicit BestMesh(const Certifier& certifier) : certifier_(certifier) {}
 
   /// Returns the proved minimum of the scaled Jacobian in the guard's kept state. Keeps the coordinates of that state
-  /// if it is the best so far. Call it inside team.run(). Looks at the token, which may be null; if it interrupts, the
-  /// best mesh is the same as before.
-  double consider(const Guard& guard, const StopToken* stop = nullptr);
+  /// if it is the best so far. Call it inside team.run(). If the team's token interrupts it, the best mesh is the same
+  /// as before.
+  double consider(const Guard& guard, const Team& team = Team(1));
 
   /// The same in parts, for a caller that asks for more than a high minimum: examine() returns the proved minimum, to
   /// within `gap`, and keep_examined() keeps the state that was examined last. Call examine() inside team.run().
-  double examine(const Guard& guard, double gap, const StopToken* stop);
+  double examine(const Guard& guard, double gap, const Team& team);
   /// Whether the state that was examined last is better than the best so far.
   bool examined_is_better() const;
   /// Whether every cell is certified valid in it.

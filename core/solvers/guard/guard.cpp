@@ -24,12 +24,13 @@ class TimeAdder {
   double& sum_;
 };
 
-std::int64_t uncertified_in(const std::vector<Certificate>& certificates) {
-  return std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
-}
-
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerChunk = 4096;
+
+std::int64_t uncertified_in(const std::vector<Certificate>& certificates, const Team& team) {
+  return count_where(team.without_stop(), certificates.size(), kCellsPerChunk,
+                     [&](std::size_t cell) { return !certificates[cell].is_valid(); });
+}
 
 }  // namespace
 
@@ -48,16 +49,24 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
       latest_positions_(shared_copy(problem.positions, team)),
       latest_coordinates_(shared_copy(mesh.coordinates, team)),
       latest_certificates_(certificates_) {
-  for (const std::int32_t node : problem.free) free_[node] = 1;
+  team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t rank = begin; rank < end; ++rank) free_[problem.free[rank]] = 1;
+  });
+  cell_nodes_.resize(certificates_.size());
+  cell_size_.resize(certificates_.size());
+  std::size_t first = 0;
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension != mesh.dimension) continue;
     const int size = reference::node_count(block.shape, block.order);
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      cell_nodes_.push_back(block.nodes.data() + e * static_cast<std::size_t>(size));
-      cell_size_.push_back(size);
-    }
+    team.for_ranges(block.size(), kCellsPerChunk, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e) {
+        cell_nodes_[first + e] = block.nodes.data() + e * static_cast<std::size_t>(size);
+        cell_size_[first + e] = size;
+      }
+    });
+    first += block.size();
   }
-  kept_uncertified_ = uncertified_in(certificates_);
+  kept_uncertified_ = uncertified_in(certificates_, team_);
   count();
 }
 
@@ -70,15 +79,7 @@ void Guard::set_unrepairable(std::span<const UnrepairableGroup> groups) {
 
 template <class Is>
 std::vector<std::int32_t> Guard::cells_where(const Is& is) const {
-  const std::size_t cells = cell_nodes_.size();
-  std::vector<std::vector<std::int32_t>> parts(chunks_of(cells, kCellsPerChunk));
-  for_chunks(team_.without_stop(), cells, kCellsPerChunk, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-    for (std::size_t cell = begin; cell < end; ++cell)
-      if (is(cell)) parts[chunk].push_back(static_cast<std::int32_t>(cell));
-  });
-  std::vector<std::int32_t> found;
-  for (const std::vector<std::int32_t>& part : parts) found.insert(found.end(), part.begin(), part.end());
-  return found;
+  return indices_where(team_.without_stop(), cell_nodes_.size(), kCellsPerChunk, is);
 }
 
 std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& positions) const {
@@ -114,22 +115,23 @@ void Guard::keep() {
   shared_copy<double>(latest_positions_, positions_, team_);
   shared_copy<Certificate>(latest_certificates_, certificates_, team_);
   kept_is_latest_ = true;
-  kept_uncertified_ = uncertified_in(certificates_);
+  kept_uncertified_ = uncertified_in(certificates_, team_);
   if (!is_better(best_.merit, {.uncertified = kept_uncertified_})) best_ = {};
 }
 
 std::vector<double> Guard::coordinates() const {
   std::vector<double> coordinates;
-  reserve_large(coordinates, mesh_.coordinates.size());
-  if (kept_is_latest_) {
-    coordinates.assign(latest_coordinates_.begin(), latest_coordinates_.end());
-    return coordinates;
-  }
+  copy_coordinates(coordinates);
+  return coordinates;
+}
+
+void Guard::copy_coordinates(std::vector<double>& coordinates) const {
+  resize_large(coordinates, mesh_.coordinates.size());
+  if (kept_is_latest_) return shared_copy<double>(latest_coordinates_, coordinates, team_);
   std::vector<std::int32_t> cells(cell_nodes_.size());
   std::iota(cells.begin(), cells.end(), 0);
-  coordinates = mesh_.coordinates;
+  shared_copy<double>(mesh_.coordinates, coordinates, team_);
   conversion_.update(positions_, cells, coordinates, team_.without_stop());
-  return coordinates;
 }
 
 bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& latest) {
@@ -140,7 +142,7 @@ bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& 
     if (!set_free_positions(problem_, best.positions, positions)) return false;
     certify_at(positions);
     best.certificates = latest_certificates_;
-    best.merit.uncertified = uncertified_in(best.certificates);
+    best.merit.uncertified = uncertified_in(best.certificates, team_);
   }
   if (!set_free_positions(problem_, kept, positions)) return false;
   certify_at(positions);
@@ -165,9 +167,9 @@ void Guard::certify_moved() {
 void Guard::try_to_end_here() {
   // At best only the lost cells become valid again.
   const Merit so_far{.uncertified = fewest()};
-  if (!is_better({.uncertified = uncertified_in(latest_certificates_) - lost()}, so_far)) return;
+  if (!is_better({.uncertified = uncertified_in(latest_certificates_, team_) - lost()}, so_far)) return;
   put_back_lost();
-  if (const Merit merit{.uncertified = uncertified_in(latest_certificates_)}; is_better(merit, so_far))
+  if (const Merit merit{.uncertified = uncertified_in(latest_certificates_, team_)}; is_better(merit, so_far))
     best_ = {free_positions(problem_, latest_positions_), latest_certificates_, merit};
   certify_at(problem_.positions);
 }
@@ -216,19 +218,20 @@ void Guard::return_to_ending() {
 }
 
 std::int64_t Guard::unrepaired() const {
-  return static_cast<std::int64_t>(cells_where([&](std::size_t cell) {
-                                     return !certificates_[cell].is_valid() && unrepairable_[cell] == 0;
-                                   }).size());
+  return count_where(team_.without_stop(), cell_nodes_.size(), kCellsPerChunk,
+                     [&](std::size_t cell) { return !certificates_[cell].is_valid() && unrepairable_[cell] == 0; });
 }
 
 std::vector<Standing> Guard::standings() const {
-  std::vector<Standing> result;
+  std::vector<Standing> result(static_cast<std::size_t>(problem_.cells));
   for (const CellSet& set : problem_.sets)
-    for (const std::int32_t number : set.mesh_cell)
-      result.push_back(latest_certificates_[number].is_valid() ? Standing::Valid
-                       : certificates_[number].is_valid()      ? Standing::Lost
-                       : unrepairable_[number] != 0            ? Standing::Unrepairable
-                                                               : Standing::Uncertified);
+    team_.without_stop().for_each(set.count, static_cast<std::int32_t>(kCellsPerChunk), [&](std::int32_t cell) {
+      const std::int32_t number = set.mesh_cell[cell];
+      result[set.first + cell] = latest_certificates_[number].is_valid() ? Standing::Valid
+                                 : certificates_[number].is_valid()      ? Standing::Lost
+                                 : unrepairable_[number] != 0            ? Standing::Unrepairable
+                                                                         : Standing::Uncertified;
+    });
   return result;
 }
 

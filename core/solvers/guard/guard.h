@@ -95,6 +95,12 @@ class Guard {
   /// The kept state: the mesh's coordinates (3 per node, interleaved), and their certificates, one per cell in the
   /// mesh's order.
   std::vector<double> coordinates() const;
+  /// The same, in memory that is there already if the list has this size.
+  void copy_coordinates(std::vector<double>& coordinates) const;
+  /// The same if the last certify_moved() has kept its state, and empty otherwise. The guard's next change ends it.
+  std::span<const double> coordinates_in_place() const {
+    return kept_is_latest_ ? std::span<const double>(latest_coordinates_) : std::span<const double>();
+  }
   const std::vector<Certificate>& certificates() const { return certificates_; }
   /// The same of the state at the last certify_moved().
   std::vector<double> latest_coordinates() const { return {latest_coordinates_.begin(), latest_coordinates_.end()}; }

@@ -4,13 +4,13 @@
 #include <cmath>
 
 #include "core/base/index.h"
+#include "core/base/shared_work.h"
 #include "core/terms/power_of_two.h"
 
 namespace varimesh {
 namespace {
 
 constexpr std::size_t kNumbersPerTask = 16384;
-constexpr double kEnergyNoise = 1e-14;  // relative to Σ slope V: a smaller change of the energy is rounding
 
 }  // namespace
 
@@ -27,7 +27,10 @@ MeshObjective::MeshObjective(Problem& problem, const Kernels& kernels, const Hes
       step_(unknowns_),
       residual_(unknowns_),
       direction_(unknowns_ + at(padded(problem.dimension))),
-      product_(unknowns_ + at(padded(problem.dimension))) {}
+      product_(unknowns_ + at(padded(problem.dimension))) {
+  std::fill(product_.begin() + static_cast<std::ptrdiff_t>(unknowns_), product_.end(), 0.0F);
+  std::fill(direction_.begin() + static_cast<std::ptrdiff_t>(unknowns_), direction_.end(), 0.0F);
+}
 
 double MeshObjective::linearise(bool renews) {
   begin_assembly(2 * energy_.gradient_work() + (renews ? preconditioner_.assembly_work() : 0));
@@ -38,7 +41,8 @@ double MeshObjective::linearise(bool renews) {
   if (renews) preconditioner_.assemble(hessian_, meter_);
   scale_residual();
   step_scale_ = correction_scale_ = gradient_scale_ / energy_.scale();
-  std::fill(step_.begin(), step_.end(), 0.0);
+  team_.for_ranges(unknowns_, kNumbersPerTask,
+                   [&](std::size_t begin, std::size_t end) { std::fill_n(step_.data() + begin, end - begin, 0.0); });
   if (meter_ != nullptr) meter_->begin(Activity::Products);
   return energy_.value();
 }
@@ -71,8 +75,7 @@ void MeshObjective::advance(double alpha) {
 
 void MeshObjective::turn(double beta) {
   if (beta == 0) {
-    std::copy(product_.begin(), product_.end(), direction_.begin());
-    return;
+    return shared_copy<float>(product_, direction_, team_);
   }
   const auto beta_float = static_cast<float>(beta);
   team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
@@ -80,7 +83,11 @@ void MeshObjective::turn(double beta) {
   });
 }
 
-void MeshObjective::take_direction() { std::copy_n(direction_.begin(), unknowns_, step_.begin()); }
+void MeshObjective::take_direction() {
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    std::copy_n(direction_.data() + begin, end - begin, step_.data() + begin);
+  });
+}
 
 // ===== Sizes =====
 
@@ -94,7 +101,7 @@ double MeshObjective::preconditioned_norm(double rq) const {
 }
 
 template <class Number>
-double MeshObjective::largest_displacement(const std::vector<Number>& displacements) {
+double MeshObjective::largest_displacement(std::span<const Number> displacements) {
   const std::size_t d = at(problem_.dimension);
   return std::sqrt(reduction_.largest(problem_.free.size(), kNumbersPerTask / 4, [&](std::size_t rank) {
     double square = 0;
@@ -108,7 +115,7 @@ double MeshObjective::largest_displacement(const std::vector<Number>& displaceme
 }
 
 double MeshObjective::largest_defect() {
-  std::copy(residual_.begin(), residual_.end(), direction_.begin());
+  shared_copy<float>(residual_, std::span(direction_).first(unknowns_), team_);
   begin_assembly(energy_.gradient_work());
   energy_.gradient(gradient_);
   team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
@@ -116,7 +123,7 @@ double MeshObjective::largest_defect() {
   });
   scale_residual();
   preconditioner_.apply(residual_, product_);
-  return largest_displacement(product_) * (gradient_scale_ / energy_.scale());
+  return largest_displacement<float>(product_) * (gradient_scale_ / energy_.scale());
 }
 
 // ===== The step =====
@@ -135,7 +142,7 @@ double MeshObjective::finish_step() {
   return slope;
 }
 
-double MeshObjective::noise() { return 100 * (kEnergyNoise * energy_.rounding()); }
+double MeshObjective::noise() { return energy_.noise(); }
 
 double MeshObjective::move(double alpha) {
   place(alpha, team_);

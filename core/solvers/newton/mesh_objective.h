@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/preconditioner/preconditioner.h"
 #include "core/solvers/minimised.h"
 #include "core/terms/cell_energy.h"
@@ -36,8 +37,8 @@ class MeshObjective final : public Minimised {
   void take_direction() override;
   double gradient_norm() override;
   double preconditioned_norm(double rq) const override;
-  double largest_step() override { return largest_displacement(step_) * step_scale_; }
-  double largest_correction() override { return largest_displacement(product_) * correction_scale_; }
+  double largest_step() override { return largest_displacement<double>(step_) * step_scale_; }
+  double largest_correction() override { return largest_displacement<float>(product_) * correction_scale_; }
   double largest_defect() override;
   double finish_step() override;
   double noise() override;
@@ -56,7 +57,7 @@ class MeshObjective final : public Minimised {
   void scale_residual();
   /// The largest displacement of a node, d numbers per node, in units of the size of the cells around it.
   template <class Number>
-  double largest_displacement(const std::vector<Number>& displacements);
+  double largest_displacement(std::span<const Number> displacements);
   /// Puts every free node to its start plus alpha times the step.
   void place(double alpha, const Team& team);
 
@@ -71,12 +72,12 @@ class MeshObjective final : public Minimised {
   double gradient_scale_ = 1;                     ///< The residual is divided by this.
   double step_scale_ = 1, correction_scale_ = 1;  ///< step_ and product_ times these are displacements.
   /// d per free node: the gradient. The line search does not need it and keeps the nodes' first positions here.
-  std::vector<double> gradient_;
-  std::vector<double> step_;
-  std::vector<float> residual_;  ///< d per free node.
+  UntouchedVector<double> gradient_;
+  UntouchedVector<double> step_;
+  UntouchedVector<float> residual_;  ///< d per free node.
   // d per free node, then padded(d) zeros:
-  std::vector<float> direction_;
-  std::vector<float> product_;  ///< H direction_, and when that has been used, M⁻¹ residual_.
+  UntouchedVector<float> direction_;
+  UntouchedVector<float> product_;  ///< H direction_, and when that has been used, M⁻¹ residual_.
 };
 
 }  // namespace varimesh

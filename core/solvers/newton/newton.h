@@ -1,14 +1,20 @@
 // Newton's method on the energy of a whole mesh: all free nodes move at once.
 #pragma once
 
+#include <memory>
+#include <optional>
 #include <span>
 
+#include "core/device/run_device.h"
+#include "core/energy/material.h"
+#include "core/solvers/newton/device_objective.h"
 #include "core/solvers/newton/mesh_objective.h"
 #include "core/solvers/newton_method.h"
 
 namespace varimesh {
 
-/// Newton steps on a problem (newton_method.h, mesh_objective.h). The line search never makes a valid cell invalid.
+/// Newton steps on a problem (newton_method.h). The vectors are on the processor (mesh_objective.h) or on a device
+/// (device_objective.h). The line search never makes a valid cell invalid.
 class Newton {
  public:
   /// Of the Hessian and a direction, per step. Usual steps need 5 to 60, and 400 at λ = 640. If a step needs more than
@@ -17,37 +23,54 @@ class Newton {
 
   /// `tolerance`: the residual at which the run will end. Steps are solved as tightly as is useful to get there.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
-         const Team& team)
-      : objective_(problem, kernels, hessian, norm, team), method_(objective_, rules(tolerance)) {}
+         const Team& team);
+  /// The same on the run's device, as long as it has one. After a fault the step is made once more on the processor,
+  /// and so are all that follow.
+  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
+         const Team& team, device::RunDevice& device, const Material& material);
   Newton(const Newton&) = delete;
   Newton& operator=(const Newton&) = delete;
 
-  void solve_roughly(int most_products) { method_.solve_roughly(most_products); }
-  void count_with(WorkMeter* meter, const PointOperations& point) { objective_.count_with(meter, point); }
+  void solve_roughly(int most_products);
+  void count_with(WorkMeter* meter, const PointOperations& point);
 
   /// If the team's token interrupts it, the nodes are where they were before, or where the step has put them.
-  NewtonOutcome step() { return method_.step(); }
+  NewtonOutcome step();
+
+  /// Whether the last step was made on a device.
+  bool is_on_device() const { return on_device_ != nullptr; }
 
   /// By cell: the scans after the step, with the δ from before it.
-  std::span<const CellScan> scans() const { return objective_.scans(); }
+  std::span<const CellScan> scans() const { return on_device_ ? on_device_->scans() : on_processor_->scans(); }
 
-  /// Reads or writes what a step leaves for the next.
+  /// Reads or writes what a step leaves for the next. It does not depend on where the vectors are.
   template <class Archive>
   void state(Archive& archive) {
-    method_.state(archive);
-    objective_.preconditioner().state(archive, !method_.renews());
+    method_->state(archive);
+    if (on_device_)
+      on_device_->state(archive, !method_->renews());
+    else
+      on_processor_->preconditioner().state(archive, !method_->renews());
   }
 
  private:
-  static NewtonRules rules(double tolerance) {
-    NewtonRules rules;
-    rules.most_products = kMostProducts;
-    rules.tolerance = tolerance;
-    return rules;
-  }
+  static NewtonRules rules(double tolerance);
+  void use_processor();
+  /// Gives the device up, and puts the method where it was before the step that failed. The nodes are there already.
+  void leave_device(const device::Fault& fault, const NewtonMethod& before);
 
-  MeshObjective objective_;
-  NewtonMethod method_;
+  Problem& problem_;
+  const Kernels& kernels_;
+  const HessianKernels& hessian_;
+  const PNorm norm_;
+  const double tolerance_;
+  const Team& team_;
+  device::RunDevice* device_ = nullptr;
+  WorkMeter* meter_ = nullptr;
+  PointOperations point_;
+  std::unique_ptr<DeviceObjective> on_device_;  ///< One of these two is there.
+  std::unique_ptr<MeshObjective> on_processor_;
+  std::optional<NewtonMethod> method_;
 };
 
 }  // namespace varimesh

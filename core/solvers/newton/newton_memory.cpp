@@ -108,11 +108,12 @@ std::int64_t bytes_of_newton_set_up(const MeshCounts& counts, const std::vector<
                                     const NewtonSizes& sizes) {
   std::int64_t bytes = 0;
   for (const SetSizes& set : sets) bytes += bytes_of_batches(set, sizes);
-  // The numbers of the coarse nodes by mesh node, then the cells and the colour of each coarse node.
+  // The numbers of the coarse nodes by mesh node, then the cells, the colour and the place of each coarse node, and the
+  // colours that a cell has.
   const CoarseSizes level = coarse_sizes(counts, coarse_order(counts));
   const std::int64_t numbering = 2 * kInt * counts.nodes();
-  const std::int64_t colouring =
-      (2 * kLong + kInt) * level.nodes + static_cast<std::int64_t>(sizeof(Incidence)) * level.incidences;
+  const std::int64_t colouring = 2 * kLong * level.nodes + kLong * counts.cell_count() +
+                                 static_cast<std::int64_t>(sizeof(Incidence)) * level.incidences;
   return bytes + kInt * level.in_cells + std::max(numbering, colouring);
 }
 

@@ -3,15 +3,19 @@
 #include <algorithm>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <span>
 #include <utility>
 
+#include "core/base/shared_work.h"
+#include "core/problem/clusters/first_fit.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh {
 namespace {
 
 constexpr std::size_t kNodesPerTask = 8192, kGroupsPerTask = 16;
+constexpr std::int32_t kNodesPerChunk = 131'072, kGroupsPerChunk = 64;  // that are coloured together
 
 /// The groups before colouring.
 struct Groups {
@@ -83,19 +87,15 @@ Groups by_place(const Problem& problem, const Team& team) {
                         : 0;
     }
   });
-  groups.begin.clear();
-  for (std::size_t i = 0; i < nodes; ++i)
-    if (begins[i] != 0) groups.begin.push_back(static_cast<std::int32_t>(i));
+  groups.begin = indices_where(team, nodes, kNodesPerTask, [&](std::size_t i) { return begins[i] != 0; });
   groups.begin.push_back(static_cast<std::int32_t>(nodes));
   return groups;
 }
 
-/// The groups by place, joined by cluster: a place belongs to the first cluster that it touches.
-Groups by_cluster(const Problem& problem, const Team& team) {
-  const Groups places = by_place(problem, team);
-  const std::size_t count = places.begin.size() - 1;
-  std::vector<std::int32_t> cluster_of(count, problem.clusters);
-  team.for_ranges(count, kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+/// By place: the first cluster that it touches.
+std::vector<std::int32_t> clusters_of(const Groups& places, const Problem& problem, const Team& team) {
+  std::vector<std::int32_t> cluster_of(places.begin.size() - 1, problem.clusters);
+  team.for_ranges(cluster_of.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t place = begin; place < end; ++place) {
       const std::int32_t node = places.nodes[places.begin[place]];
       for (std::int64_t i = problem.offsets[node]; i < problem.offsets[node + 1]; ++i) {
@@ -104,16 +104,36 @@ Groups by_cluster(const Problem& problem, const Team& team) {
       }
     }
   });
-  std::vector<std::int32_t> sizes(problem.clusters + 1, 0);
-  for (std::size_t place = 0; place < count; ++place)
-    sizes[cluster_of[place] + 1] += places.begin[place + 1] - places.begin[place];
+  return cluster_of;
+}
+
+/// The groups by place, joined by cluster.
+Groups by_cluster(const Problem& problem, const Team& team) {
+  const Groups places = by_place(problem, team);
+  const std::vector<std::int32_t> cluster_of = clusters_of(places, problem, team);
+  // The places and the nodes of each cluster, first how many, then where they begin.
+  std::vector<std::int32_t> begin(problem.clusters + 1, 0), sizes(problem.clusters + 1, 0);
+  const auto for_places = [&](const auto& body) {
+    team.for_ranges(cluster_of.size(), kNodesPerTask, [&](std::size_t first, std::size_t last) {
+      for (std::size_t place = first; place < last; ++place) body(static_cast<std::int32_t>(place), cluster_of[place]);
+    });
+  };
+  for_places([&](std::int32_t, std::int32_t cluster) { count_up(begin[cluster], team); });
+  std::vector<std::int32_t> listed(static_cast<std::size_t>(sums_before(begin))), next = begin;
+  for_places([&](std::int32_t place, std::int32_t cluster) { listed[count_up(next[cluster], team)] = place; });
+  team.for_each(problem.clusters, kGroupsPerTask, [&](std::int32_t cluster) {
+    std::sort(listed.begin() + begin[cluster], listed.begin() + begin[cluster + 1]);
+    for (std::int32_t i = begin[cluster]; i < begin[cluster + 1]; ++i)
+      sizes[cluster] += places.begin[listed[i] + 1] - places.begin[listed[i]];
+  });
   Groups groups;
-  std::partial_sum(sizes.begin(), sizes.end(), sizes.begin());
-  groups.nodes.resize(places.nodes.size());
-  std::vector<std::int32_t> next(sizes.begin(), sizes.end() - 1);
-  for (std::size_t place = 0; place < count; ++place)
-    for (std::int32_t i = places.begin[place]; i < places.begin[place + 1]; ++i)
-      groups.nodes[next[cluster_of[place]]++] = places.nodes[i];
+  groups.nodes.resize(static_cast<std::size_t>(sums_before(sizes)));
+  team.for_each(problem.clusters, kGroupsPerTask, [&](std::int32_t cluster) {
+    std::int32_t* to = groups.nodes.data() + sizes[cluster];
+    for (std::int32_t i = begin[cluster]; i < begin[cluster + 1]; ++i)
+      to = std::copy(places.nodes.data() + places.begin[listed[i]], places.nodes.data() + places.begin[listed[i] + 1],
+                     to);
+  });
   for (std::int32_t cluster = 0; cluster < problem.clusters; ++cluster)
     if (sizes[cluster + 1] > sizes[cluster]) groups.begin.push_back(sizes[cluster + 1]);
   return groups;
@@ -144,35 +164,63 @@ std::vector<std::vector<std::int32_t>> cells_of(const Groups& groups, const Prob
   return cells;
 }
 
+/// The groups that touch each cell.
+struct GroupsAtCells {
+  std::vector<std::int32_t> begin;  // cells + 1
+  std::vector<std::int32_t> groups;
+
+  GroupsAtCells(const std::vector<std::vector<std::int32_t>>& cells_of, std::int32_t cells, const Team& team)
+      : begin(static_cast<std::size_t>(cells) + 1, 0) {
+    const auto for_touched = [&](const auto& body) {
+      team.for_ranges(cells_of.size(), kGroupsPerTask, [&](std::size_t first, std::size_t last) {
+        for (std::size_t group = first; group < last; ++group)
+          for (const std::int32_t cell : cells_of[group]) body(static_cast<std::int32_t>(group), cell);
+      });
+    };
+    for_touched([&](std::int32_t, std::int32_t cell) { count_up(begin[cell], team); });
+    groups.resize(static_cast<std::size_t>(sums_before(begin)));
+    std::vector<std::int32_t> next = begin;
+    for_touched([&](std::int32_t group, std::int32_t cell) { groups[count_up(next[cell], team)] = group; });
+  }
+};
+
+/// The colour of each group. Groups are coloured `chunk` at a time.
+std::vector<std::int32_t> colours_of(const Groups& groups, const Problem& problem, std::int32_t chunk,
+                                     const Team& team) {
+  const std::vector<std::vector<std::int32_t>> cells = cells_of(groups, problem, team);
+  std::optional<GroupsAtCells> at_cells;  // one thread needs none
+  if (team.threads() > 1) at_cells.emplace(cells, problem.cells, team);
+  const auto for_cells_of = [&](std::int32_t group, const auto& use) {
+    for (const std::int32_t cell : cells[group]) use(cell);
+  };
+  const auto for_groups_at = [&](std::int32_t cell, const auto& use) {
+    for (std::int32_t i = at_cells->begin[cell]; i < at_cells->begin[cell + 1]; ++i) use(at_cells->groups[i]);
+  };
+  const FirstFitSizes sizes{static_cast<std::int32_t>(cells.size()), problem.cells, chunk};
+  return first_fit(sizes, for_cells_of, for_groups_at, team);
+}
+
 }  // namespace
 
 ColouredNodes colour_nodes(const Problem& problem, Colouring colouring, const Team& team) {
-  const Groups groups = colouring == Colouring::Node ? single_nodes(problem) : by_cluster(problem, team);
-  const std::vector<std::vector<std::int32_t>> cells = cells_of(groups, problem, team);
+  const bool by_node = colouring == Colouring::Node;
+  const Groups groups = by_node ? single_nodes(problem) : by_cluster(problem, team);
+  const ColourPlaces places =
+      sort_by_colour(colours_of(groups, problem, by_node ? kNodesPerChunk : kGroupsPerChunk, team), team);
+  const std::size_t count = groups.begin.size() - 1;
   ColouredNodes coloured;
-  coloured.groups.push_back(0);
-  coloured.colours.push_back(0);
-  std::vector<std::int32_t> left(groups.begin.size() - 1);
-  std::iota(left.begin(), left.end(), 0);
-  std::vector<std::int32_t> struck_in(problem.cells, -1);  // by cell: the last colour that touched it
-  std::vector<std::int32_t> struck_out;
-  for (std::int32_t colour = 0; !left.empty(); ++colour) {
-    struck_out.clear();
-    for (const std::int32_t group : left) {
-      const bool taken = std::any_of(cells[group].begin(), cells[group].end(),
-                                     [&](std::int32_t cell) { return struck_in[cell] == colour; });
-      if (taken) {
-        struck_out.push_back(group);
-        continue;
-      }
-      for (const std::int32_t cell : cells[group]) struck_in[cell] = colour;
-      coloured.nodes.insert(coloured.nodes.end(), groups.nodes.begin() + groups.begin[group],
-                            groups.nodes.begin() + groups.begin[group + 1]);
-      coloured.groups.push_back(static_cast<std::int32_t>(coloured.nodes.size()));
-    }
-    coloured.colours.push_back(static_cast<std::int32_t>(coloured.groups.size() - 1));
-    left.swap(struck_out);
-  }
+  coloured.colours = places.begin;
+  coloured.groups.resize(count + 1, 0);
+  const auto size_of = [&](std::size_t group) { return groups.begin[group + 1] - groups.begin[group]; };
+  for (std::size_t group = 0; group < count; ++group)
+    coloured.groups[static_cast<std::size_t>(places.place[group])] = size_of(group);
+  sums_before(coloured.groups);
+  coloured.nodes.resize(groups.nodes.size());
+  team.for_ranges(count, by_node ? kNodesPerTask : kGroupsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t group = begin; group < end; ++group)
+      std::copy_n(groups.nodes.data() + groups.begin[group], size_of(group),
+                  coloured.nodes.data() + coloured.groups[static_cast<std::size_t>(places.place[group])]);
+  });
   return coloured;
 }
 

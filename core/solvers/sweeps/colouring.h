@@ -24,12 +24,11 @@ struct ColouredNodes {
 
 /// Colours the free nodes. Colouring::Node is that of the paper (section 3.4): take an uncoloured node, give it the
 /// colour, strike out every node of the cells it belongs to, and go on with the rest until none is left; then start the
-/// next colour with the nodes that were struck out. Colouring::Group does the same with all nodes of a cluster of cells
-/// as one group. Its nodes are visited place by place (the interior of a cell, a face, an edge, a vertex). This needs
-/// few colours, and the deformation gradients of a cluster are read from memory once per sweep instead of once per
-/// colour.
-///
-/// Choosing the colours is serial; the team shares the rest. Call it inside team.run().
+/// next colour with the nodes that were struck out. So each node gets the first colour that no node before it with a
+/// common cell has, and the nodes come in the order of first_fit.h. Colouring::Group does the same with all nodes of a
+/// cluster of cells as one group. Its nodes are visited place by place (the interior of a cell, a face, an edge, a
+/// vertex). This needs few colours, and the deformation gradients of a cluster are read from memory once per sweep
+/// instead of once per colour. Call it inside team.run().
 ColouredNodes colour_nodes(const Problem& problem, Colouring colouring, const Team& team = Team(1));
 
 }  // namespace varimesh

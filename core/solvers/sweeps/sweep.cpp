@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/reduction.h"
+#include "core/base/shared_work.h"
 #include "core/kernels/node_star.h"
 #include "core/kernels/regularisation.h"
 #include "core/solvers/line_search.h"
@@ -14,6 +16,8 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 64;
 constexpr std::int32_t kCellsPerTask = 64;
+constexpr std::size_t kTermsPerTask = 4096;  // of a sum
+constexpr std::size_t kNumbersPerTask = 16384;
 constexpr int kMostTrials = 40;         // of a line search
 constexpr double kEnergyNoise = 1e-14;  // relative to the star's measure: a smaller change of the energy is rounding
 
@@ -98,7 +102,9 @@ Sweeper::Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels&
   grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * coloured.group_count() /
                                                                std::max<std::size_t>(1, problem.free.size())));
   for (const CellSet& set : problem.sets)
-    for (std::int32_t cell = 0; cell < set.count; ++cell) measure_ += cell_measure(set, cell);
+    measure_ += Reduction(team).sum(static_cast<std::size_t>(set.count), kTermsPerTask, [&](std::size_t cell) {
+      return cell_measure(set, static_cast<std::int32_t>(cell));
+    });
   for (std::size_t group = 0; group + 1 < coloured.groups.size(); ++group)
     largest_group_ = std::max<std::int64_t>(largest_group_, coloured.groups[group + 1] - coloured.groups[group]);
 }
@@ -148,14 +154,18 @@ void Sweeper::changed() {
 }
 
 void Sweeper::changed(std::span<const CellScan> scans) {
-  std::copy(scans.begin(), scans.end(), scans_.begin());
+  shared_copy<CellScan>(scans, scans_, team_);
   for (CellSet& set : problem_.sets)
     team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) { update_delta(set, cell); });
   std::fill(changed_.begin(), changed_.end(), 0);
   wake();
 }
 
-void Sweeper::wake() { std::fill(visited_at_.begin(), visited_at_.end(), 0); }
+void Sweeper::wake() {
+  team_.without_stop().for_ranges(visited_at_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    std::fill_n(visited_at_.data() + begin, end - begin, 0);
+  });
+}
 
 CellScan Sweeper::scan_of(const CellSet& set, std::int32_t cell) const {
   if (!set.deformation.empty()) return kernels_.scan_kept(set, cell);
@@ -182,7 +192,7 @@ void Sweeper::update_delta(CellSet& set, std::int32_t cell) {
 
 ScanOutcome Sweeper::scan() {
   ScanOutcome outcome;
-  outcome.min_scaled_jacobian = 1;
+  const Reduction reduction(team_);
   ++clock_;  // later than every visit so far, so that a cell with a new δ wakes its nodes
   const Stopwatch watch;
   double operations = 0;
@@ -193,13 +203,15 @@ ScanOutcome Sweeper::scan() {
       const bool was_unrepairable = set.delta_squared[cell] == kUnrepairableDeltaSquared;
       if (changed_[set.first + cell] != 0 || is_unrepairable(set, cell) != was_unrepairable) rescan(set, cell);
     });
-    for (std::int32_t cell = 0; cell < set.count; ++cell) {
-      const CellScan& scan = scans_[set.first + cell];
-      outcome.energy += norm_.is_sum() ? scan.energy : norm_.value(scan.energy, cell_measure(set, cell));
-      outcome.min_scaled_jacobian = std::min(outcome.min_scaled_jacobian, scan.scaled_jacobian);
-      if (!(scan.smallest_jacobian > 0)) ++outcome.invalid;
-    }
+    outcome.energy += reduction.sum(static_cast<std::size_t>(set.count), kTermsPerTask, [&](std::size_t cell) {
+      const double energy = scans_[set.first + cell].energy;
+      return norm_.is_sum() ? energy : norm_.value(energy, cell_measure(set, static_cast<std::int32_t>(cell)));
+    });
   }
+  outcome.min_scaled_jacobian = -reduction.largest(
+      scans_.size(), kTermsPerTask, [&](std::size_t cell) { return -scans_[cell].scaled_jacobian; }, -1);
+  outcome.invalid = static_cast<std::int64_t>(reduction.sum(
+      scans_.size(), kTermsPerTask, [&](std::size_t cell) { return scans_[cell].smallest_jacobian > 0 ? 0.0 : 1.0; }));
   count_kernels(operations, watch);
   if (measure_ > 0) outcome.energy /= measure_;
   if (!norm_.is_sum()) outcome.energy = std::pow(outcome.energy, 1 / norm_.p);
@@ -228,15 +240,15 @@ SweepOutcome Sweeper::sweep() {
     clock_ += largest_group_;
   }
   SweepOutcome outcome;
-  double operations = 0;
-  for (const Visit& visit : visits_) {
-    outcome.residual = std::max(outcome.residual, visit.step);
-    outcome.gradient_norm += visit.squared_gradient;
-    outcome.visited += visit.made ? 1 : 0;
-    operations += operations_of(visit);
-  }
-  count_kernels(operations, watch);
-  outcome.gradient_norm = std::sqrt(outcome.gradient_norm);
+  const Reduction reduction(team_);
+  const auto sum = [&](const auto& of) {
+    return reduction.sum(visits_.size(), kTermsPerTask, [&](std::size_t rank) { return of(visits_[rank]); });
+  };
+  outcome.residual =
+      reduction.largest(visits_.size(), kTermsPerTask, [&](std::size_t rank) { return visits_[rank].step; });
+  outcome.gradient_norm = std::sqrt(sum([](const Visit& visit) { return visit.squared_gradient; }));
+  outcome.visited = static_cast<std::int64_t>(sum([](const Visit& visit) { return visit.made ? 1.0 : 0.0; }));
+  count_kernels(sum([&](const Visit& visit) { return operations_of(visit); }), watch);
   return outcome;
 }
 

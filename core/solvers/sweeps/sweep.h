@@ -79,12 +79,12 @@ class Sweeper {
 
  private:
   struct Visit {
-    double step = 0;  ///< In units of the smallest size of a cell around the node.
-    double squared_gradient = 0;
-    std::int32_t points = 0;  ///< Quadrature points of the star.
-    std::int16_t trials = 0;  ///< Energies of the line search.
-    bool made = false;
-    bool moved = false;
+    double step;  ///< In units of the smallest size of a cell around the node.
+    double squared_gradient;
+    std::int32_t points;  ///< Quadrature points of the star.
+    std::int16_t trials;  ///< Energies of the line search.
+    bool made;
+    bool moved;
   };
   /// Minimises the energy of one star by one Newton step with a line search. `scratch`: NodeStar::kMostNumbers numbers
   /// of the thread.
@@ -119,11 +119,11 @@ class Sweeper {
   const Team& team_;
   WorkMeter* meter_ = nullptr;
   PointOperations point_{};
-  double measure_ = 0;           ///< Σ weight |det A| over all cells.
-  std::vector<Visit> visits_;    ///< By rank, so that sums are always taken in the same order.
-  std::vector<CellScan> scans_;  ///< By cell, for the same reason.
-  std::vector<char> changed_;    ///< By cell: whether it has changed since the last scan.
-  std::vector<char> drifted_;    ///< By cell: whether a sweep has changed it since the last rebuild.
+  double measure_ = 0;             ///< Σ weight |det A| over all cells.
+  UntouchedVector<Visit> visits_;  ///< By rank; a sweep writes all of them.
+  std::vector<CellScan> scans_;    ///< By cell.
+  std::vector<char> changed_;      ///< By cell: whether it has changed since the last scan.
+  std::vector<char> drifted_;      ///< By cell: whether a sweep has changed it since the last rebuild.
 
   // Which nodes are awake. Times count visits. Groups of one colour share no cell, so no two threads write to one cell.
   double rest_;

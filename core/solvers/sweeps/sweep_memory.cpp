@@ -14,8 +14,9 @@ std::int64_t bytes_of_colouring(const MeshCounts& counts) { return kInt * counts
 std::int64_t bytes_of_making_colouring(const MeshCounts& counts) {
   const Places& free = counts.free;
   const std::int64_t places = free.vertices + free.edges + free.triangles + free.quadrilaterals + counts.cell_count();
-  // Ranks, the nodes place by place and cluster by cluster; the places; which colour touched a cell last.
-  return kInt * (counts.nodes() + 2 * counts.free_nodes() + 2 * places + 2 * counts.cell_count());
+  // The nodes place by place and cluster by cluster; the places, their clusters and their order; the cells of each
+  // group, which are about twice as many as there are, the groups of each cell, and the colours that a cell has.
+  return kInt * (2 * counts.free_nodes() + 3 * places + 7 * counts.cell_count());
 }
 
 std::int64_t bytes_of_sweeper(const MeshCounts& counts) {

@@ -38,7 +38,7 @@ class JobCard {
     if (job.energy) parts.push(job.energy);
     if (job.began) parts.push(`for ${duration((now - job.began) / 1000)}`);
     const last = this.rows.at(-1) ?? job.iteration;
-    if (last) parts.push(`${last[1]} ${last[0]}`, `residual ${readable(last[3])}`, `smallest Js ${jacobian(last[4])}`);
+    if (last) parts.push(`${last[1]} ${last[0]}`, `residual ${readable(last[3])}`, `smallest Js at most ${jacobian(last[4])}`);
     if (job.invalid !== undefined) parts.push(`${grouped(job.invalid)} not certified`);
     this.line.textContent = parts.join(' · ');
     this.buttons.replaceChildren(...cancelButton(job));

@@ -15,7 +15,7 @@ const ago = (time, now) => ({text: `${duration(Math.max(0, now - time) / 1000)} 
 function showTiles(status) {
   const tile = (name, value, more) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, value, make('small', {}, more)));
   byId('tiles').replaceChildren(
-      tile('Running', grouped(status.running), ` on ${grouped(status.threads)} threads`),
+      tile('Running', grouped(status.running), ` on ${counted(status.threads, 'thread')}`),
       tile('Waiting', grouped(status.pending), ` of at most ${grouped(status.max_pending_jobs)}`),
       tile('Up for', duration((status.time - status.start_time) / 1000), ''),
       tile('Version', status.version, ''));
@@ -48,7 +48,7 @@ function outcome(job) {
   if (job.error) return {text: job.error, class: 'failed'};
   if (!job.min_scaled_jacobian) return '';
   const left = job.not_certified;
-  return left ? `${grouped(left)} of ${grouped(job.elements)} elements not certified valid` : 'all elements certified valid';
+  return left ? `${grouped(left)} of ${counted(job.elements, 'element')} not certified valid` : 'all elements certified valid';
 }
 
 function showEnded(jobs, now) {

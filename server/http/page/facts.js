@@ -5,6 +5,8 @@ const fileOf = (job) => job.spec?.labels?.file ?? job.name;
 /** The name of the file of a job's mesh, for names of files and for commands. */
 const meshFileOf = (job) => job.spec?.labels?.file ?? 'mesh.msh';
 const isJudged = (job) => job.spec?.quality !== undefined;
+/** What a job does, in a word. */
+const workWord = (job) => (isModel(job) ? 'CAD model' : isJudged(job) ? 'quality' : 'optimise');
 const countOf = (value) => Number(value ?? 0);
 
 const MOST_LABEL_BYTES = 128;  // the contract's limit
@@ -47,9 +49,9 @@ function progressOf(job) {
 /** What came of a job, in one line. */
 function outcomeOf(job) {
   if (job.error) return job.error.message;
-  if (!job.metrics) return '';
-  const left = uncertifiedOf(job.metrics);
-  return left > 0 ? `${grouped(left)} of ${grouped(countOf(job.metrics.mesh.elements))} elements not certified valid` : 'all elements certified valid';
+  if (!job.metrics?.mesh) return '';
+  if (isModel(job)) return job.metrics.notes?.[0] ?? '';
+  return uncertifiedOf(job.metrics) > 0 ? `${leftOf(job.metrics)} not certified valid` : 'all elements certified valid';
 }
 
 /** The most important figures of a job's mesh, or of the meshes before and after. */
@@ -62,7 +64,7 @@ function figures(job) {
     tile('Mean scaled Jacobian', ...pair(jacobian, (one) => one.meanScaledJacobian ?? 0)),
     tile('Invalid elements', ...pair(grouped, (one) => countOf(one.invalidElements))),
     tile('Certified valid', ...pair(grouped, (one) => countOf(one.certified?.valid))),
-    tile('Mesh', grouped(countOf(mesh.elements)), make('small', {}, ` elements of order ${mesh.order}, ${mesh.dimension}-D`)),
+    tile('Mesh', grouped(countOf(mesh.elements)), make('small', {}, ` ${countOf(mesh.elements) === 1 ? 'element' : 'elements'} of order ${mesh.order}, ${mesh.dimension}\u2011D`)),
   ];
   if (!isJudged(job)) all.push(tile('Iterations', grouped(iterations ?? 0), make('small', {}, ` in ${duration(seconds ?? 0)}`)));
   return make('dl', {class: 'tiles'}, ...all);
@@ -70,14 +72,17 @@ function figures(job) {
 
 /** How many elements of the result, or of the mesh that was judged, are not certified valid. */
 const uncertifiedOf = ({mesh, after}) => countOf(mesh.elements) - countOf(after?.certified?.valid);
+/** "2 of 10 elements" that are not certified valid. */
+const leftOf = (metrics) => `${grouped(uncertifiedOf(metrics))} of ${counted(countOf(metrics.mesh.elements), 'element')}`;
 
 /** What somebody who uses the mesh should know: whether it is valid, what to try if it is not, and notes. */
 function warnings(job) {
   const {left, geometry, notes = []} = job.metrics;
-  const isValid = uncertifiedOf(job.metrics) === 0;
+  const uncertified = uncertifiedOf(job.metrics);
+  const isValid = uncertified === 0;
   const remedies = (left?.remedies ?? []).map((remedy) => remedy.sentence);
   const lines = [...(isValid ? [] : remedies), ...notes, ...(geometry?.sentences ?? [])].filter(Boolean);
-  const sentence = isValid ? 'All elements are certified valid.' : left?.sentence || `${outcomeOf(job).replace('elements not', 'elements are not')}.`;
+  const sentence = isValid ? 'All elements are certified valid.' : left?.sentence || `${leftOf(job.metrics)} ${uncertified === 1 ? 'is' : 'are'} not certified valid.`;
   return make('div', {id: 'verdict'}, make('p', {class: `verdict ${isValid ? 'good' : 'bad'}`}, sentence),
       ...(lines.length ? [make('ul', {class: 'warnings'}, ...lines.map((text) => make('li', {}, text)))] : []));
 }

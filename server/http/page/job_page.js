@@ -28,7 +28,7 @@ class Progress {
     history.seconds.push(one.seconds ?? 0);
     history.min_scaled_jacobian.push(one.minScaledJacobian ?? 0);
     history.invalid_elements.push(countOf(one.invalidElements));
-    this.said = `${history.phase.at(-1)} ${one.number}: ${grouped(history.invalid_elements.at(-1))} not certified, smallest scaled Jacobian ` +
+    this.said = `${history.phase.at(-1)} ${one.number}: ${grouped(history.invalid_elements.at(-1))} not certified, smallest scaled Jacobian at most ` +
         `${jacobian(history.min_scaled_jacobian.at(-1))}, ${duration(history.seconds.at(-1))}`;
     this.say(one.secondsLeft);
     if (Date.now() - this.drawn > REDRAW_EVERY) this.draw();
@@ -72,7 +72,7 @@ async function downloads(job, signal) {
 /** The fields for a CAD model; null if the server takes none for such a mesh. `order`: of the mesh that the job was made for. */
 async function geometryFields(job, order, signal) {
   const {takesGeometries} = await askFor('info', {signal});
-  if (!takesGeometries || job.metrics?.mesh.dimension !== 3) return null;
+  if (!takesGeometries || job.metrics?.mesh?.dimension !== 3) return null;
   return new GeometryFields(order === 1, job.spec.geometry);
 }
 
@@ -96,6 +96,11 @@ async function runForm(job, order, groups, signal) {
   const spacing = form.fields.find(({name}) => name === 'layerSpacing');
   const layers = new LayerFields(schemas, before ?? {}, groups, spacing);
   modelField = model;
+  if (waitingModel?.job === job.name) {
+    if (model) model.take(waitingModel.model);
+    else tell(`${waitingModel.model.name} is not used: this server reads no CAD models, or the mesh is plane.`, true);
+    waitingModel = null;
+  }
   const section = addSection('run', isJudged(job) ? 'Optimise' : 'Run again');
   const start = make('button', {type: 'submit', class: 'main'}, isJudged(job) ? 'Optimise' : 'Run with these options');
   const node = make('form', {}, form.node, layers.node, ...(model ? [model.node] : []), make('div', {class: 'controls'}, start));
@@ -168,7 +173,7 @@ async function showJob(name, signal) {
   const buttons = make('div', {class: 'controls'});
   const describe = () => {
     line.dataset.state = stateWord(job);
-    line.textContent = [isJudged(job) ? 'quality' : 'optimise', stateWord(job), outcomeOf(job), hasEnded(job) ? `took ${duration(secondsRun(job))}` : '', callText(job), job.name]
+    line.textContent = [workWord(job), stateWord(job), isModel(job) && !job.error ? '' : outcomeOf(job), hasEnded(job) ? `took ${duration(secondsRun(job))}` : '', callText(job), job.name]
         .filter(Boolean).join(' · ');
     buttons.replaceChildren(...jobButtons(job));
   };
@@ -189,14 +194,15 @@ async function showJob(name, signal) {
   signal.throwIfAborted();
   progress.end();
   describe();
-  if (job.metrics) buttons.after(figures(job), warnings(job));
+  if (isModel(job)) return showModel(job, signal);
+  if (job.metrics?.mesh) buttons.after(figures(job), warnings(job));
   if (!isJudged(job) && job.results?.length) {
     const choices = await downloads(job, signal);
     signal.throwIfAborted();
     buttons.append(choices);
   }
   if (isJudged(job)) judged.set(job.spec.mesh.digest, job.name);
-  let order = isJudged(job) || !job.spec.geometry?.order ? job.metrics?.mesh.order : 1;
+  let order = isJudged(job) || !job.spec.geometry?.order ? job.metrics?.mesh?.order : 1;
   let groups = [];
   if (job.results?.length) {
     const picture = addSection('pictures', 'The mesh, coloured by scaled Jacobian');

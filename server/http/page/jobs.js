@@ -75,7 +75,7 @@ class JobList {
       const link = make('a', {href: `#/${job.name}`}, job.spec.labels?.file ?? short);
       const act = hasEnded(job) ? sureButton('Delete', `Delete ${short}`, async () => { await deleteJob(job.name); await this.show(); }) :
         sureButton('Cancel', `Cancel ${short}`, async () => { await cancelJob(job.name); await this.show(); });
-      return [make('span', {}, link, make('br'), make('span', {class: 'quiet small'}, short)), isJudged(job) ? 'quality' : 'optimise',
+      return [make('span', {}, link, make('br'), make('span', {class: 'quiet small'}, short)), workWord(job),
         {text: stateWord(job), class: job.error ? 'failed' : ''}, progressOf(job), {text: outcomeOf(job), class: 'text'}, {text: instant(job.createTime), class: 'place'},
         {text: duration(secondsRun(job)), class: 'number'}, act];
     });

@@ -5,7 +5,7 @@ function span(text) {
   const seconds = parseFloat(text ?? '0');
   const [unit, size] = [['day', 86400], ['hour', 3600], ['minute', 60], ['second', 1]].find(([, one]) => seconds >= one && seconds % one === 0) ?? ['second', 1];
   const count = Math.round(seconds / size);
-  return `${grouped(count)} ${unit}${count === 1 ? '' : 's'}`;
+  return counted(count, unit);
 }
 
 /** 1.5 GB of 1500000000. */

@@ -22,31 +22,34 @@ function ready() {
   document.documentElement.dataset.ready = 'yes';
 }
 
-/** What to do with a CAD model, which has no elements yet. */
-function adviseAboutModel(file) {
-  const mesh = `${stemOf(file.name)}.msh`;
-  document.getElementById('advice').replaceChildren(
-      make('p', {}, `${file.name} is a CAD model, which has no elements yet. These commands make a mesh of it, or curve a straight mesh of it; ` +
-          'drop the mesh here then. A model that is dropped beside a mesh becomes the model of the next run.'),
-      copyable('Mesh the model', `varimesh mesh ${fileWord(file.name)} --size 5 --order 3 -o ${fileWord(mesh)}`),
-      copyable('Curve a straight mesh of the model', `varimesh curve linear.msh --geometry ${fileWord(file.name)} --order 3 -o ${fileWord(mesh)}`));
-}
+/** {job, model}: the CAD model that was dropped together with a mesh, until the form of the mesh's job is there; null: there is none. */
+let waitingModel = null;
 
-/** Sends a mesh to the server and shows it, or takes a CAD model. */
+/** Takes files that were dropped or chosen: a mesh, a CAD model, or one of each. */
 async function take(files) {
   if (files.length === 0) return;
-  if (files.length > 1) return tell(`These are ${files.length} files. Drop one at a time: a mesh first, and then its CAD model.`, true);
-  const [file] = files;
-  if (modelField && CAD_FILE.test(file.name)) return modelField.take(file);
+  const models = [...files].filter(({name}) => CAD_FILE.test(name));
+  const others = [...files].filter(({name}) => !CAD_FILE.test(name));
+  if (models.length > 1 || others.length > 1) return tell(`These are ${files.length} files. Drop one mesh, one CAD model, or one of each.`, true);
+  if (modelField && !others.length) return modelField.take(models[0]);
+  if (others.length) await send(others[0], models[0]);
+  else await send(models[0]);
+}
+
+/** Sends a mesh or a CAD model to the server and shows it. `model`: what the mesh's form gets as its CAD model, if there is one. */
+async function send(file, model) {
+  waitingModel = null;
+  const isCad = CAD_FILE.test(file.name);
   if (!location.hash.match(/^(#\/?)?$/)) location.hash = '#/';
-  if (CAD_FILE.test(file.name)) {
-    tell('');
-    await pause(0);
-    return adviseAboutModel(file);
-  }
   tell(`Sending ${file.name} …`);
   try {
-    const job = await submitFile(file, judgeSpec({}, {file: labelOf(file.name)}));
+    if (isCad && !(await askFor('info')).takesGeometries) {
+      tell(`This server reads no CAD models, so there is no picture of ${file.name}.`);
+      return document.getElementById('advice')?.replaceChildren(...modelAdvice(file.name, 5));
+    }
+    const labels = {file: labelOf(file.name)};
+    const job = await submitFile(file, isCad ? modelSpec(labels) : judgeSpec({}, labels));
+    waitingModel = model ? {job: job.name, model} : null;
     tell('');
     location.hash = `#/${job.name}`;
   } catch (error) {
@@ -58,10 +61,10 @@ async function take(files) {
 function showStart() {
   document.title = 'VariMesh';
   const section = addSection('start', 'Look at a mesh');
-  const input = make('input', {type: 'file', id: 'file'});
+  const input = make('input', {type: 'file', id: 'file', multiple: true});
   input.addEventListener('change', () => take(input.files));
-  section.append(make('label', {class: 'drop', for: 'file'}, make('strong', {}, 'Drop a mesh here, or choose a file'),
-      make('span', {class: 'quiet'}, 'Gmsh, VTK, MFEM, Nektar++, HOPR, CGNS and others. It is sent to the server that this page comes from, and to nobody else.'), input),
+  section.append(make('label', {class: 'drop', for: 'file'}, make('strong', {}, 'Drop a mesh or a CAD model here, or choose a file'),
+      make('span', {class: 'quiet'}, 'Gmsh, VTK, MFEM, Nektar++, HOPR, CGNS and others; STEP, IGES and BREP. It is sent to the server that this page comes from, and to nobody else.'), input),
   make('div', {id: 'advice'}));
   ready();
 }

@@ -74,16 +74,24 @@ def boundary_nodes(mesh, folder):
     return [nodes[number] for number in used]
 
 
-def with_one_tag(mesh, path):
-    """The mesh in MSH 2.2, with the same tag for all surface elements."""
+def with_tags(mesh, path, tag_of):
+    """The mesh in MSH 2.2, with tag_of(tag) in place of the tag of each surface element."""
     subprocess.run([VARIMESH, "convert", mesh, path, "--format", "msh22"], check=True, capture_output=True)
     lines = path.read_text().splitlines()
     for at in range(lines.index("$Elements") + 2, lines.index("$EndElements")):
         words = lines[at].split()
         if words[1] in ("2", "3"):
-            words[3] = words[4] = "1"
+            words[3] = words[4] = str(tag_of(int(words[4])))
         lines[at] = " ".join(words)
     path.write_text("\n".join(lines) + "\n")
+
+
+def nodes_of(mesh, folder):
+    """The lines of all nodes, with every digit."""
+    text = folder / "text.msh"
+    subprocess.run([VARIMESH, "convert", mesh, text, "--format", "msh22"], check=True, capture_output=True)
+    lines = text.read_text().splitlines()
+    return sorted(lines[lines.index("$Nodes") + 2:lines.index("$EndNodes")])
 
 
 def certified(text):
@@ -189,7 +197,7 @@ class Curve(WithFolder):
         model, straight, one = self.folder / "plate.step", self.folder / "straight.msh", self.folder / "one.msh"
         make(BODIES["plate"][0], model)
         subprocess.run([PYTHON, "-c", STRAIGHT, str(model), str(straight)], check=True, capture_output=True)
-        with_one_tag(straight, one)
+        with_tags(straight, one, lambda tag: 1)
         done = run("curve", one, "--geometry", model, "--order", 3, "-o", self.out)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("1 element by element", done.stderr)
@@ -197,6 +205,21 @@ class Curve(WithFolder):
         self.assertLess(max(BODIES["plate"][1](*x) for x in boundary_nodes(self.out, self.folder)), 1e-9)
         by_face = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out)
         self.assertEqual(distances(done.stderr), distances(by_face.stderr))
+
+    def test_tags_do_not_decide_where_nodes_go(self):
+        model, straight, other = self.folder / "plate.step", self.folder / "straight.msh", self.folder / "other.msh"
+        make(BODIES["plate"][0], model)
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(model), str(straight)], check=True, capture_output=True)
+        found = {}
+        for name, tag_of in (("each face", lambda tag: tag), ("permuted", lambda tag: 1 + tag % 7), ("others", lambda tag: 100 - tag),
+                             ("one", lambda tag: 1)):
+            with_tags(straight, other, tag_of)
+            done = run("curve", other, "--geometry", model, "--order", 3, "--threads", 1, "-o", self.out)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            found[name] = nodes_of(self.out, self.folder)
+        self.assertGreater(len(found["one"]), 100)
+        for name, nodes in found.items():
+            self.assertEqual(nodes, found["each face"], name)
 
     def test_half_a_match_has_a_status_of_its_own(self):
         # The mesh is one of a plate with another, larger hole.
@@ -324,7 +347,8 @@ class Curve(WithFolder):
         self.assertLess(time.monotonic() - begun, 30)  # gmsh would take 60 s
         self.assertEqual(done.returncode, 3)
         self.assertIn("Gmsh: Meshing surface 3 (Sphere)\n", done.stderr)
-        self.assertIn("after 3 s, the time limit", done.stderr)
+        self.assertIn("after 3 s, the time limit. It was still at: Meshing surface 3 (Sphere).", done.stderr)
+        self.assertIn("look whether the model crosses itself there", done.stderr)
         self.assertFalse(self.out.exists())
 
     def test_the_plugin_is_looked_for_before_gmsh_runs(self):

@@ -96,6 +96,24 @@ class Quality(WithFolder):
         self.assertIn("'varimesh optimise --geometry MODEL'", done.stderr)
         self.assertFalse(out.exists())
 
+    def test_judges_a_mesh_of_any_plane_as_in_its_plane(self):
+        flat, upright = self.folder / "flat.msh", self.folder / "upright.msh"
+        head, _, rest = FOLDED.partition("$Nodes\n")
+        nodes, end, tail = rest.partition("$EndNodes")
+        count, *lines = nodes.splitlines()
+        fields = [line.split() for line in lines]
+        flat.write_text(FOLDED)
+        upright.write_text(head + "$Nodes\n" + "\n".join([count, *(f"{n} {x} 3 {y}" for n, x, y, _ in fields)]) + "\n" + end + tail)
+        in_plane, in_space = (json.loads(run("quality", mesh, "--json").stdout) for mesh in (flat, upright))
+        self.assertFalse(in_space["quality"]["is_surface"])
+        self.assertEqual(in_space["mesh"], in_plane["mesh"])
+        self.assertEqual(in_space["quality"], in_plane["quality"])
+        self.assertIn("2-D mesh of order 2", run("quality", upright).stdout)
+        self.assertEqual(run("quality", upright, "--report", self.folder / "report.html").returncode, 0)
+        marked = self.folder / "marked.msh"
+        self.assertEqual(run("quality", upright, "-o", marked).returncode, 0)
+        self.assertEqual(run("quality", marked, "--json").stdout, run("quality", upright, "--json").stdout)
+
     def test_ends_quietly_if_the_reader_has_seen_enough(self):
         ours, theirs = os.pipe()
         os.close(ours)

@@ -5,7 +5,7 @@ import threading
 import unittest
 from pathlib import Path
 
-from programs import MESH, WithFolder, run, run_bytes
+from programs import CASES, MESH, WithFolder, run, run_bytes
 
 
 class Outputs(WithFolder):
@@ -72,6 +72,47 @@ class Outputs(WithFolder):
         self.assertIn(b"invalid elements", done.stderr)
         both = run("optimise", MESH, "-o", "/dev/stdout", "--json")
         self.assertEqual((both.returncode, both.stdout), (2, ""))
+
+    def test_standard_output_gets_only_the_history_or_the_report(self):
+        layer = CASES / "thick_layer_p3.msh"
+        commands = (("optimise", MESH, "-o", self.folder / "out.msh", "--history"), ("optimise", MESH, "-o", self.folder / "out.msh", "--report"),
+                    ("quality", MESH, "--report"), ("layers", layer, "--wall", "wing", "--layers", "4", "--first", "1e-3", "-o", self.folder / "out.msh", "--report"))
+        for command in commands:
+            for name in ("-", "/dev/stdout"):
+                done = run(*command, name)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertNotIn("invalid elements ", done.stdout, command)
+                self.assertIn("invalid elements", done.stderr, command)
+                lines = done.stdout.splitlines()
+                if command[-1] == "--history":
+                    self.assertEqual({line.count(",") for line in lines}, {lines[0].count(",")}, "each line is one of the table")
+                    self.assertGreater(lines[0].count(","), 3)
+                else:
+                    self.assertEqual((lines[0].lower(), lines[-1]), ("<!doctype html>", "</html>"), command)
+                self.assertEqual(run(*command, name, "--json").returncode, 2, command)
+
+    def test_a_dash_is_standard_output_for_every_command_that_writes_a_mesh(self):
+        layer = CASES / "thick_layer_p3.msh"
+        commands = ([(".msh", "optimise", MESH, "-o", "-"), (".msh", "quality", MESH, "-o", "-"), (".msh", "convert", MESH, "-o", "-"),
+                     (".msh", "layers", layer, "--wall", "wing", "--layers", "4", "--first", "1e-3", "-o", "-")] +
+                    [(ending, "convert", MESH, "-", "--format", name) for ending, name in ((".msh", "msh22"), (".msh", "msh41-binary"), (".vtu", "vtu"),
+                                                                                           (".mesh", "mfem"), (".xml", "nektar"), (".su2", "su2"))])
+        for number, (ending, *command) in enumerate(commands):
+            folder = self.folder / str(number)
+            folder.mkdir()
+            done = run_bytes(*command, cwd=folder)
+            named = run(*(folder / ("named" + ending) if word == "-" else word for word in command))
+            self.assertEqual(done.returncode, named.returncode, (done.stderr, named.stderr))
+            self.assertEqual(done.stdout, (folder / ("named" + ending)).read_bytes(), command)
+            self.assertEqual(os.listdir(folder), ["named" + ending], command)
+        two = run("optimise", MESH, "-o", "-", "-o", "/dev/stdout")
+        self.assertEqual(two.returncode, 2)
+        self.assertIn("Two outputs", two.stderr)
+        for flag in ("--history", "--report"):
+            both = run("optimise", MESH, "-o", "-", flag, "-")
+            self.assertEqual((both.returncode, both.stdout), (2, ""), flag)
+        chained = run_bytes("quality", "-", "--certify", input=run_bytes("optimise", MESH, "-o", "-", "--quiet").stdout)
+        self.assertEqual(chained.returncode, 0, chained.stderr)
 
     def test_exits_with_3_if_standard_output_is_full(self):
         for arguments in (["optimise", MESH, "-o", self.folder / "o.msh", "--json"], ["quality", MESH], ["info"],

@@ -42,7 +42,6 @@ class Distances(WithFolder):
         return json.loads(done.stdout)["geometry"]
 
     def pictures(self):
-        self.page.value(TWO_FRAMES)
         return [self.page.picture(f"#pictures figure:nth-child({one}) .view") for one in (1, 2)]
 
     def text(self, selector):

@@ -74,7 +74,9 @@ bool is_allocated(std::uint64_t address, std::size_t bytes) {
 
 /// The processor's kernels for a module of this text.
 std::span<const CpuKernel> kernels_of(std::string_view text) {
-  constexpr std::string_view kMark = "cell_nodes = ";
+  constexpr std::string_view kMark = "cell_nodes = ", kSolverMark = "solver_dimension = ";
+  if (const auto at = text.find(kSolverMark); at != std::string_view::npos)
+    return varimesh::device::solver_kernels(std::atoi(text.data() + at + kSolverMark.size())).cpu;
   const auto at = text.find(kMark);
   if (at == std::string_view::npos) return card.kernels;
   const int nodes = std::atoi(text.data() + at + kMark.size());

@@ -88,7 +88,7 @@ TEST_F(CellsOnACard, NeedKernels) {
   const auto none = CellsOnDevice::make(*card(""), problem_, material(options));
   ASSERT_FALSE(none);
   EXPECT_EQ(none.error().kind, Fault::Kind::NoKernels);
-  EXPECT_EQ(none.error().sentence, "This build of VariMesh has no kernels of tetrahedra of order 3 for a card.");
+  EXPECT_EQ(none.error().sentence, "A card has kernels of the hyperelastic energy only.");
 }
 
 }  // namespace

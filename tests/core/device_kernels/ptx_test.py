@@ -21,17 +21,24 @@ MOST_ALIVE = 290
 
 
 def modules():
-    """For each module: what its cells are (nodes of a tetrahedron, or the dimension of cells of any shape times -1), its text
-    and its kernels."""
+    """For each module: what its cells are (nodes of a tetrahedron, or the dimension of cells of any shape times -1, or
+    "solver" if it works on no cells), its text and its kernels."""
     for file in MODULES:
         text = file.read_text()
-        yield int(re.search(r"cell_nodes = (-?\d+)", text)[1]), text, ptx.kernels(text)
+        cells = re.search(r"cell_nodes = (-?\d+)", text)
+        yield int(cells[1]) if cells else "solver", text, ptx.kernels(text)
+
+
+def solver_kernels():
+    """The names of the kernels that work on no cells, by the file that defines them."""
+    text = (pathlib.Path(__file__).parents[3] / "core/device_kernels/kernels/solver_kernels.h").read_text()
+    return set(re.findall(r"(?m)^(?:EACH|EACH_PART|ADD|LARGEST)\((\w+),", text))
 
 
 def tetrahedra():
     """For each module of tetrahedra: the order and the kernels."""
     for nodes, _, kernels in modules():
-        if nodes > 0:
+        if nodes != "solver" and nodes > 0:
             yield ORDERS[nodes], kernels
 
 
@@ -44,12 +51,18 @@ def words(kernel, kind):
 
 class Modules(unittest.TestCase):
     def test_there_are_tetrahedra_of_four_orders_and_cells_of_any_shape(self):
-        self.assertEqual(sorted(nodes for nodes, _, _ in modules()), [-3, -2, 10, 20, 35, 56])
+        cells = [nodes for nodes, _, _ in modules() if nodes != "solver"]
+        self.assertEqual(sorted(cells), [-3, -2, 10, 20, 35, 56])
+        self.assertEqual(len(MODULES) - len(cells), 2)
         sums = {"add_up_gradients", "add_up_products", "keep_cell_gradients", "along_cell_gradients", "add_norm_terms"}
         for nodes, _, kernels in modules():
+            if nodes == "solver":
+                self.assertEqual(set(kernels), solver_kernels())
+                continue
             own = {"energy", "gradient", "linearise", "product"}
             if nodes < 0:
-                own = {"deform", "scan", "range", "stress", "linearise", "gradient", "change_stress", "product"}
+                own = {"deform", "scan", "range", "stress", "linearise", "gradient", "change_stress", "product",
+                       "node_block", "mean_tensor"}
             self.assertEqual(set(kernels), own | sums)
 
     def test_run_on_the_oldest_cards_and_drivers_that_are_promised(self):
@@ -100,6 +113,14 @@ class Modules(unittest.TestCase):
                 least = operators * 9 * nodes * min(parts, 4)
                 fused = sum(count for kind, count in kernels[name].kinds.items() if kind.startswith("fma"))
                 self.assertGreaterEqual(fused, least, (order, name))
+
+    def test_read_each_number_of_a_vector_once(self):
+        """Loads of floats and doubles in the kernels that only stream vectors."""
+        expected = {"advance": 4, "turn": 3, "take_direction": 1, "clear_step": 0, "scale_residual": 1, "keep_residual": 1,
+                    "add_residual": 2, "along_step": 2, "square_of_gradient": 1, "size_of_gradient": 1}
+        for nodes, _, kernels in modules():
+            for name, count in expected.items() if nodes == "solver" else ():
+                self.assertEqual(words(kernels[name], "ld.global"), count, name)
 
     def test_do_not_spill_by_nvidias_assembler(self):
         ptxas = shutil.which("ptxas")

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 
+#include "core/geometry/cad/file_kind.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh {
@@ -20,8 +21,11 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
   std::string stl(84 + 2 * 50, ' ');
   const std::uint32_t triangles = 2;
   std::memcpy(stl.data() + 80, &triangles, 4);
-  const std::array<std::array<std::string, 3>, 10> files{{
+  const std::array<std::array<std::string, 3>, 13> files{{
       {"ISO-10303-21;\nHEADER;\n", "a STEP file", "gmsh FILE -3"},
+      {"\xef\xbb\xbf\r\n ISO-10303-21;\r\nHEADER;\r\n", "a STEP file", "gmsh FILE -3"},
+      {std::string(72, ' ') + "S      1\r\n", "an IGES file", "gmsh FILE -3"},
+      {"\nOpen CASCADE Topology V1 (c)\n", "a BREP file", "gmsh FILE -3"},
       {"DBRep_DrawableShape\n\nCASCADE Topology V1", "a BREP file", "gmsh FILE -3"},
       {"# vtk DataFile Version 3.0\n", "a VTK file", "meshio convert FILE"},
       {"solid cube\nfacet normal 0 0 1\n", "an STL file", "tutorial t13"},
@@ -35,6 +39,17 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
   for (const auto& [bytes, is, run] : files) {
     EXPECT_NE(why_not(bytes).find(is), std::string::npos) << why_not(bytes);
     EXPECT_NE(why_not(bytes).find(run), std::string::npos) << why_not(bytes);
+  }
+}
+
+TEST(OtherFiles, AMeshThatNamesACadFileIsStillAMesh) {
+  const std::string triangle = "*node\n1, 0, 0\n2, 1, 0\n3, 0, 1\n*element, type=CPS3\n1, 1, 2, 3\n";
+  const std::string title = "** " + std::string(69, '-');  // up to column 72
+  for (const std::string& first : {std::string("** made from ISO-10303-21, DBRep_DrawableShape, Open CASCADE Topology"),
+                                   title + "Surfaces", title + "S       ", title + "S 1", title + "S12345x7"}) {
+    const auto file = formats::read(first + "\n" + triangle);
+    ASSERT_TRUE(file) << first << ": " << file.error().sentence;
+    EXPECT_EQ(geometry::kind_of_cad_file(first + "\n" + triangle), geometry::CadFileKind::Unknown) << first;
   }
 }
 

@@ -148,7 +148,7 @@ inline LayerStart start(const HighOrderMesh& mesh, LayerSpacing spacing = LayerS
   LayerStart started;
   team.run([&] {
     const Facets found = facets(mesh, team);
-    started = start_layers(mesh, found, fixed_nodes(mesh, found), spacing, team);
+    started = start_layers(mesh, found, fixed_nodes(mesh, found), spacing, OnFlatSides::Slide, team);
   });
   return started;
 }

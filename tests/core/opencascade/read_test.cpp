@@ -132,6 +132,27 @@ TEST_F(CadFile, ASphereHasPolesAndNoDegenerateCurves) {
   EXPECT_EQ(ball.at(0.3, ball.v_range().last).normal(), Eigen::Vector3d::Zero());
 }
 
+TEST_F(CadFile, AConeEndsAtItsTip) {
+  // The formula of a cone goes on beyond the tip, with a second half. The point (0, 0, 3) is .447 from that half, and
+  // farther from the face.
+  for (const double top : {0.0, 0.05}) {
+    const auto cone = load(brep(BRepPrimAPI_MakeCone(1, top, 2 * (1 - top)).Shape()));
+    ASSERT_TRUE(cone) << cone.error().sentence;
+    const auto side = std::ranges::find_if(cone->surfaces, [](const Surface& surface) {
+      const SurfaceShape& shape = *surface.shape;
+      return shape.u_range().period > 0;
+    });
+    ASSERT_NE(side, cone->surfaces.end());
+    const Eigen::Vector3d beyond(0, 0, 3), tip(0, 0, 2);
+    EXPECT_NEAR(SurfaceSearch(*side->shape).closest(beyond).distance, 1, 1e-6) << top;
+    const Range v = side->shape->v_range();
+    EXPECT_NEAR(closest_from(*side->shape, beyond, 0.3, v.first + 0.5 * v.length()).distance, 1, 1e-6) << top;
+    EXPECT_NEAR((side->shape->at(1, v.last + v.margin_after).x - tip).norm(), 0, 1e-6) << top;
+    // At the other end it goes on.
+    EXPECT_GT(v.margin_before, 0.5 * v.length()) << top;
+  }
+}
+
 TEST_F(CadFile, HolesAreOutside) {
   const TopoDS_Shape plate = BRepPrimAPI_MakeBox(4, 4, 1).Shape();
   const gp_Ax2 axis(gp_Pnt(2, 2, -1), gp_Dir(0, 0, 1));

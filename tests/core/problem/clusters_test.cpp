@@ -1,5 +1,5 @@
 // Clusters share out all cells, have the size asked for, and hold cells that are near each other.
-#include "core/problem/clusters.h"
+#include "core/problem/clusters/clusters.h"
 
 #include <gtest/gtest.h>
 

@@ -3,10 +3,11 @@
 
 #include <deque>
 
-#include "core/problem/clusters.h"
+#include "core/problem/clusters/clusters.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/problem.h"
 #include "core/problem/targets.h"
+#include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -14,24 +15,55 @@ namespace {
 
 using testing::Filling;
 
-constexpr int kThreads[] = {2, 3, 8};
+constexpr int kThreads[] = {2, 3, 16};
 
 bool operator==(const Incidence& a, const Incidence& b) {
   return a.cell == b.cell && a.set == b.set && a.local == b.local;
 }
 
+struct PlainNeighbours {
+  explicit PlainNeighbours(const HighOrderMesh& mesh) : cells(mesh, mesh.dimension), at(mesh.node_count()) {
+    for (std::size_t cell = 0; cell < cells.count(); ++cell)
+      for (const std::int32_t v : vertices(cell))
+        at[static_cast<std::size_t>(v)].push_back(static_cast<std::int32_t>(cell));
+  }
+  std::span<const std::int32_t> vertices(std::size_t cell) const {
+    return cells.nodes(cell).first(static_cast<std::size_t>(reference::info(cells.shape(cell)).vertices));
+  }
+
+  Cells cells;
+  std::vector<std::vector<std::int32_t>> at;
+};
+
+// The plain way: in each step, every cell without a region takes the lowest region of the cells around it.
+std::vector<std::int32_t> plain_regions(const PlainNeighbours& near, std::int32_t size) {
+  const auto cells = static_cast<std::int32_t>(near.cells.count()), seeds = std::max(1, (cells + size / 2) / size);
+  std::vector<std::int32_t> region(near.cells.count(), -1);
+  for (std::int32_t seed = 0; seed < seeds; ++seed)
+    region[static_cast<std::size_t>((2 * seed + 1) * cells / (2 * seeds))] = seed;
+  for (bool grows = seeds > 1; grows;) {
+    std::vector<std::int32_t> next = region;
+    for (std::size_t cell = 0; cell < region.size(); ++cell)
+      for (const std::int32_t v : near.vertices(cell))
+        for (const std::int32_t other : near.at[static_cast<std::size_t>(v)])
+          if (const std::int32_t r = region[static_cast<std::size_t>(other)];
+              region[cell] < 0 && r >= 0 && (next[cell] < 0 || r < next[cell]))
+            next[cell] = r;
+    grows = next != region;
+    region = std::move(next);
+  }
+  std::int32_t left = 0;
+  for (std::int32_t& r : region)
+    if (r < 0) r = seeds > 1 ? seeds + left++ / size : 0;
+  return region;
+}
+
 // The plain way: queues that hold a cell as often as a cluster has come by it.
 Clusters plain_clusters(const HighOrderMesh& mesh, std::int32_t size) {
-  const Cells cells(mesh, mesh.dimension);
-  std::vector<std::vector<std::int32_t>> at(mesh.node_count());
-  const auto vertices = [&](std::size_t cell) {
-    return cells.nodes(cell).first(static_cast<std::size_t>(reference::info(cells.shape(cell)).vertices));
-  };
-  for (std::size_t cell = 0; cell < cells.count(); ++cell)
-    for (const std::int32_t v : vertices(cell))
-      at[static_cast<std::size_t>(v)].push_back(static_cast<std::int32_t>(cell));
+  const PlainNeighbours near(mesh);
+  const std::vector<std::int32_t> region = plain_regions(near, std::max(64 * size, 4096));
   Clusters clusters;
-  std::vector<bool> taken(cells.count()), waits(cells.count());
+  std::vector<bool> taken(region.size()), waits(region.size());
   std::deque<std::int32_t> front, waiting;
   std::int32_t room = 0;
   const auto take = [&](std::int32_t cell) {
@@ -43,33 +75,35 @@ Clusters plain_clusters(const HighOrderMesh& mesh, std::int32_t size) {
     taken[static_cast<std::size_t>(cell)] = true;
     clusters.cells.push_back(cell);
     --room;
-    for (const std::int32_t v : vertices(static_cast<std::size_t>(cell)))
-      for (const std::int32_t other : at[static_cast<std::size_t>(v)]) {
-        if (taken[static_cast<std::size_t>(other)]) continue;
+    for (const std::int32_t v : near.vertices(static_cast<std::size_t>(cell)))
+      for (const std::int32_t other : near.at[static_cast<std::size_t>(v)]) {
+        const auto number = static_cast<std::size_t>(other);
+        if (taken[number] || region[number] != region[static_cast<std::size_t>(cell)]) continue;
         front.push_back(other);
-        if (!waits[static_cast<std::size_t>(other)]) waiting.push_back(other);
-        waits[static_cast<std::size_t>(other)] = true;
+        if (!waits[number]) waiting.push_back(other);
+        waits[number] = true;
       }
   };
-  for (std::size_t seed = 0; seed < cells.count(); ++seed) {
-    if (taken[seed]) continue;
-    take(static_cast<std::int32_t>(seed));
-    while (!waiting.empty()) {
-      std::deque<std::int32_t>& queue = room > 0 && !front.empty() ? front : waiting;
-      const std::int32_t cell = queue.front();
-      queue.pop_front();
-      if (!taken[static_cast<std::size_t>(cell)]) take(cell);
+  for (std::int32_t r = 0; r <= (region.empty() ? -1 : std::ranges::max(region)); ++r, room = 0)
+    for (std::size_t seed = 0; seed < region.size(); ++seed) {
+      if (taken[seed] || region[seed] != r) continue;
+      take(static_cast<std::int32_t>(seed));
+      while (!waiting.empty()) {
+        std::deque<std::int32_t>& queue = room > 0 && !front.empty() ? front : waiting;
+        const std::int32_t cell = queue.front();
+        queue.pop_front();
+        if (!taken[static_cast<std::size_t>(cell)]) take(cell);
+      }
     }
-  }
   clusters.begin.push_back(static_cast<std::int32_t>(clusters.cells.size()));
   return clusters;
 }
 
 class SharedSetUp : public ::testing::TestWithParam<Filling> {
  protected:
-  // Several tasks per loop.
-  HighOrderMesh mesh_ = testing::is_plane(GetParam()) ? testing::grid(GetParam(), {60, 50, 0}, 3, testing::bent(2))
-                                                      : testing::grid(GetParam(), {12, 11, 10}, 3, testing::bent(3));
+  // Several tasks per loop, and several regions.
+  HighOrderMesh mesh_ = testing::is_plane(GetParam()) ? testing::grid(GetParam(), {110, 90, 0}, 2, testing::bent(2))
+                                                      : testing::grid(GetParam(), {16, 15, 14}, 2, testing::bent(3));
 };
 
 INSTANTIATE_TEST_SUITE_P(Fillings, SharedSetUp, ::testing::ValuesIn(testing::kFillings),
@@ -78,13 +112,31 @@ INSTANTIATE_TEST_SUITE_P(Fillings, SharedSetUp, ::testing::ValuesIn(testing::kFi
 TEST_P(SharedSetUp, GrowsTheClustersOfThePlainWay) {
   for (const std::int32_t size : {1, 7, 75, 100000}) {
     const Clusters plain = plain_clusters(mesh_, size);
-    for (const int threads : {1, 2, 3, 8}) {
+    for (const int threads : {1, 2, 3, 16}) {
       const Team team(threads);
       Clusters clusters;
       team.run([&] { clusters = cluster_cells(mesh_, size, team); });
       EXPECT_EQ(clusters.cells, plain.cells) << size << ", " << threads << " threads";
       EXPECT_EQ(clusters.begin, plain.begin);
     }
+  }
+}
+
+TEST(SharedSetUpOfSeparateMeshes, DividesCellsThatNoRegionReaches) {
+  // A row of squares, and as many squares that touch nothing.
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {9000, 1, 0}, 1);
+  for (int i = 0; i < 9000; ++i)
+    testing::add_cell(mesh, Shape::Quadrilateral, [&](testing::Place p) {
+      p[0] += 10 + 2 * i;
+      return p;
+    });
+  const Clusters plain = plain_clusters(mesh, 50);
+  for (const int threads : {1, 2, 3, 16}) {
+    const Team team(threads);
+    Clusters clusters;
+    team.run([&] { clusters = cluster_cells(mesh, 50, team); });
+    EXPECT_EQ(clusters.cells, plain.cells);
+    EXPECT_EQ(clusters.begin, plain.begin);
   }
 }
 

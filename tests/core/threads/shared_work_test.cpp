@@ -10,7 +10,7 @@
 namespace varimesh {
 namespace {
 
-constexpr int kThreads[] = {1, 2, 3, 8};
+constexpr int kThreads[] = {1, 2, 3, 16};
 
 TEST(SharedWork, CutsChunksThatDoNotDependOnTheThreads) {
   for (const int threads : kThreads)
@@ -42,13 +42,15 @@ TEST(SharedWork, FindsTheFirstOfSeveral) {
 TEST(SharedWork, CountsAndLowersTogether) {
   for (const int threads : kThreads) {
     const Team team(threads);
-    std::vector<std::int32_t> counts(7, 0), least(7, 1 << 30);
+    std::vector<std::int32_t> counts(7, 0), least(7, 1 << 30), firsts(7, 0);
     team.run([&] {
       team.for_each(70000, 16, [&](std::int32_t i) {
         count_up(counts[static_cast<std::size_t>(i % 7)], team);
-        lower_to(least[static_cast<std::size_t>(i % 7)], i, team);
+        if (lower_to(least[static_cast<std::size_t>(i % 7)], i, team) == 1 << 30)
+          count_up(firsts[static_cast<std::size_t>(i % 7)], team);
       });
     });
+    EXPECT_EQ(firsts, std::vector<std::int32_t>(7, 1)) << "one call replaces the first number";
     for (std::int32_t k = 0; k < 7; ++k) {
       EXPECT_EQ(counts[static_cast<std::size_t>(k)], 10000);
       EXPECT_EQ(least[static_cast<std::size_t>(k)], k);
@@ -65,6 +67,23 @@ TEST(SharedWork, SortsAsTheStandardLibraryDoes) {
     std::vector<std::int32_t> sorted = numbers;
     team.run([&] { sort_distinct(team, sorted); });
     EXPECT_TRUE(std::is_sorted(sorted.begin(), sorted.end()));
+  }
+}
+
+TEST(SharedWork, CountsAndListsWhatItIsAskedFor) {
+  const auto is = [](std::size_t i) { return i % 7 == 3 || (i > 2000 && i < 2100); };
+  for (const std::size_t count : {0U, 3U, 4U, 999U, 10'000U}) {
+    std::vector<std::int32_t> plain;
+    for (std::size_t i = 0; i < count; ++i)
+      if (is(i)) plain.push_back(static_cast<std::int32_t>(i));
+    for (const int threads : kThreads)
+      for (const std::size_t grain : {1U, 64U, 100'000U}) {
+        const Team team(threads);
+        team.run([&] {
+          EXPECT_EQ(count_where(team, count, grain, is), std::ssize(plain));
+          EXPECT_EQ(indices_where(team, count, grain, is), plain);
+        });
+      }
   }
 }
 

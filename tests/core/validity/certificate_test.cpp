@@ -322,7 +322,7 @@ TEST(Certificate, SharpeningFindsAMinimumInsideACell) {
   std::vector<Certificate> certificates(certifier.cells());
   certifier.certify(mesh.coordinates, certificates, Team(1));
   EXPECT_LT(summarise(certificates).min_scaled_jacobian_lower_bound, 0.9 * exact);
-  const CertificateSummary summary = certifier.sharpen(mesh.coordinates, certificates, 1e-3);
+  const CertificateSummary summary = certifier.sharpen(mesh.coordinates, certificates, 1e-3, Team(1));
   EXPECT_EQ(summary.valid, 2);
   EXPECT_LE(summary.min_scaled_jacobian_lower_bound, exact);
   EXPECT_GT(summary.min_scaled_jacobian_lower_bound, exact - 0.001);

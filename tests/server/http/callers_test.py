@@ -10,7 +10,9 @@ from over_http import CALLS, DOCUMENT, JSON, WithHttp
 from programs import ENDLESS, LARGER, MESH, VARIMESHD
 
 
-class Callers(WithHttp):
+class WithCallers(WithHttp):
+    """A server with tokens of several callers."""
+
     def flags(self):
         self.tokens = self.folder / "tokens"
         self.token = {}
@@ -23,6 +25,8 @@ class Callers(WithHttp):
     def of(self, name):
         return {**JSON, "Authorization": "Bearer " + self.token[name]}
 
+
+class Callers(WithCallers):
     def submit_as(self, name):
         return self.submit(LARGER, *ENDLESS, env={**os.environ, "VARIMESH_TOKEN": self.token[name]})
 

@@ -2,15 +2,11 @@
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import hashlib
 import json
-import os
 import unittest
-from pathlib import Path
 
-from with_page import WithPage
+from with_page import WithModels, WithPage
 
 from programs import CASES, FOLDED, MESH, run
-
-PLUGIN = Path(os.environ["VARIMESH"]).parent / "libvarimesh_opencascade.so"
 
 
 class Form(WithPage):
@@ -88,18 +84,7 @@ class Form(WithPage):
         self.check_clean()
 
 
-class Models(WithPage):
-    """CAD models, on a server that takes them."""
-
-    @classmethod
-    def missing(cls):
-        return "" if PLUGIN.exists() else "there is no plugin that reads CAD files"
-
-    def setUp(self):
-        os.environ["VARIMESH_OPENCASCADE"] = str(PLUGIN)
-        self.addCleanup(os.environ.pop, "VARIMESH_OPENCASCADE")
-        super().setUp()
-
+class Models(WithModels):
     def test_a_model_dropped_beside_a_mesh_is_what_its_boundary_slides_on(self):
         self.open()
         self.look_at(CASES / "geometry" / "bracket_p3.msh")

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
+PLUGIN = Path(os.environ["VARIMESH"]).resolve().parent / "libvarimesh_opencascade.so"
 sys.path.insert(0, str(SOURCE / "tests" / "pages"))
 import browser
 from over_http import TLS, WithHttp
@@ -61,7 +62,29 @@ class WithPage(WithHttp):
             time.sleep(0.02)
         return file.read_bytes()
 
+    def faults_that_axe_finds(self):
+        """What is hard to use for some people. VARIMESH_AXE names the file axe.min.js of axe-core."""
+        self.page.value(Path(os.environ["VARIMESH_AXE"]).read_text() + "; 1")
+        return self.page.value("axe.run().then((found) => found.violations.map((one) => [one.impact, one.help, one.nodes.map((node) => node.html)]))")
+
     def check_clean(self):
         self.assertEqual(self.page.errors, [])
         asked = {one for one in self.page.requests if not one.startswith((self.url + "/", "blob:", "data:", "about:"))}
         self.assertEqual(asked, set(), "everything comes from this server")
+
+
+class WithModels(WithPage):
+    """A page on a server that reads CAD models."""
+
+    @classmethod
+    def missing(cls):
+        return "" if PLUGIN.exists() else "there is no plugin that reads CAD files"
+
+    def setUp(self):
+        os.environ["VARIMESH_OPENCASCADE"] = str(PLUGIN)
+        self.addCleanup(os.environ.pop, "VARIMESH_OPENCASCADE")
+        super().setUp()
+
+    def drop(self, *files):
+        self.open()
+        self.page.drop_file(*files)

@@ -7,6 +7,8 @@
 #include <chrono>
 #include <cmath>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "core/optimise/memory.h"
 #include "tests/core/support/cases.h"
@@ -331,6 +333,39 @@ TEST(OptimiseOnGeometry, RefinesNothingIfNothingIsLeftOrTheMeshMayNotGrow) {
   EXPECT_EQ(stays.result.mesh.element_count(3), 162u);  // splits inside are not taken either
   EXPECT_TRUE(std::ranges::none_of(
       stays.result.repairs, [](const RepairStep& step) { return step.sentence.starts_with("The boundary edge"); }));
+}
+
+TEST(OptimiseOnGeometry, RefinesWithoutSlidingIfThereWasNoTimeToSlide) {
+  Options options;
+  options.repair = Repair::Refine;
+  options.time_limit = 30;
+  GeometryOptions geometry;
+  geometry.order = 3;
+  OnGeometryHooks hooks;
+  bool is_first = true;
+  hooks.threads_to_slide = [&] {  // is asked when a run begins to slide: the first has 11.25 s for that
+    if (std::exchange(is_first, false)) std::this_thread::sleep_for(std::chrono::duration<double>(11.4));
+    return 1;
+  };
+  const HighOrderMesh straight = DiscMesh(3, 1).mesh();
+  const auto done = optimise_on_geometry(straight, options, geometry, &cylinder(), {}, {}, hooks);
+  ASSERT_TRUE(done) << done.error().sentence;
+  EXPECT_EQ(left(done->result), 0);
+  // Refining places nodes anew at a few edges only. Where nodes slide, all on the discs move but those on curves.
+  geometry.slide = SlideOn::None;
+  const auto still = optimise_on_geometry(straight, {}, geometry, &cylinder());
+  ASSERT_TRUE(still) << still.error().sentence;
+  const std::vector<double>&now = done->result.mesh.coordinates, &then = still->result.mesh.coordinates;
+  int on_discs = 0, stayed = 0;
+  for (std::size_t at = 0; at < then.size(); at += 3) {
+    if (then[at + 2] != 0 && then[at + 2] != 1) continue;
+    ++on_discs;
+    if (std::equal(&then[at], &then[at] + 3, &now[at])) ++stayed;
+  }
+  EXPECT_GT(2 * stayed, on_discs) << stayed << " of " << on_discs;
+  EXPECT_TRUE(std::ranges::any_of(done->result.repairs, [](const RepairStep& step) {
+    return step.sentence.starts_with("The boundary edge between nodes");
+  }));
 }
 
 TEST(OptimiseOnGeometry, RefinesNoMeshWithoutAModel) {

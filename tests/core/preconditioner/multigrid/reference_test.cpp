@@ -7,8 +7,8 @@
 #include <limits>
 #include <numeric>
 
+#include "core/base/random/hash.h"
 #include "core/preconditioner/multigrid/aggregation.h"
-#include "core/preconditioner/multigrid/hash.h"
 #include "core/preconditioner/multigrid/multigrid.h"
 #include "tests/core/preconditioner/multigrid/model_problems.h"
 
@@ -56,9 +56,8 @@ std::vector<int> aggregates(const MatrixXd& A, const MatrixXd& strong) {
   const int rows = static_cast<int>(A.rows());
   std::vector<int> order(rows);
   std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [](int a, int b) {
-    return multigrid::hash(static_cast<std::uint32_t>(a)) > multigrid::hash(static_cast<std::uint32_t>(b));
-  });
+  std::sort(order.begin(), order.end(),
+            [](int a, int b) { return hash(static_cast<std::uint32_t>(a)) > hash(static_cast<std::uint32_t>(b)); });
   const auto neighbours = [&](int i) {
     std::vector<int> out;
     for (int j = 0; j < rows; ++j)
@@ -155,7 +154,7 @@ void expect_as_reference(const ModelProblem& problem, int expected_levels) {
 /// Differs from cell to cell, so that no two connections are equally strong: rounding would decide between them.
 double uneven(const std::array<int, 3>& cell) {
   const int number = cell[0] + 100 * (cell[1] + 100 * cell[2]);
-  return 1 + multigrid::hash(static_cast<std::uint32_t>(number)) / 4294967296.0;
+  return 1 + hash(static_cast<std::uint32_t>(number)) / 4294967296.0;
 }
 
 TEST(MultigridCycle, IsTheReferenceOnSquares) {

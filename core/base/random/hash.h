@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-namespace varimesh::multigrid {
+namespace varimesh {
 
 /// A permutation of the 32-bit numbers: Chris Wellons' lowbias32 (https://nullprogram.com/blog/2018/07/31/).
 constexpr std::uint32_t hash(std::uint32_t x) {
@@ -15,4 +15,4 @@ constexpr std::uint32_t hash(std::uint32_t x) {
   return x;
 }
 
-}  // namespace varimesh::multigrid
+}  // namespace varimesh

@@ -1,5 +1,5 @@
 // Exact sums: known answers, and any order of the terms.
-#include "core/ranks/exact_sum.h"
+#include "core/base/exact_sum.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/ranks/exact_sum.h"
+#include "core/base/exact_sum.h"
 
 #include <algorithm>
 #include <bit>

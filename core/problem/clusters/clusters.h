@@ -19,8 +19,9 @@ struct Clusters {
 /// stopped. The clusters depend only on the topology and the numbering, not on the coordinates: a rotated mesh is swept
 /// in the same order.
 ///
-/// The growth itself is serial: a cell's turn depends on all before it. It looks at each vertex once per cluster, which
-/// takes about a tenth of a second for a million tetrahedra. The team shares the rest. Call it inside team.run().
+/// A cell's turn depends on all before it. So that threads can share the work, a large mesh is divided into regions of
+/// 64 clusters and at least 4,096 cells (regions.h), which grow theirs independently, and the last cluster of each may
+/// be smaller. The result does not depend on the number of threads. Call it inside team.run().
 Clusters cluster_cells(const HighOrderMesh& mesh, std::int32_t size, const Team& team = Team(1));
 
 }  // namespace varimesh

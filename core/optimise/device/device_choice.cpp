@@ -1,0 +1,58 @@
+#include "core/optimise/device/device_choice.h"
+
+#include <utility>
+
+#include "core/device/card.h"
+
+namespace varimesh {
+namespace {
+
+/// Why runs with these options make no Newton steps that a device can make; empty if they do.
+std::string why_no_steps(const Options& options) {
+  if (options.max_iterations == 0) return "no step was asked for";
+  if (options.method == Method::Sweeps) return "sweeps run on the processor; leave the method at auto or newton";
+  if (options.objective == Objective::Accuracy)
+    return "the descent of the objective accuracy runs on the processor; a device makes the steps of the objectives "
+           "energy and worst";
+  if (options.energy != Energy::Hyperelastic) return "a card has kernels of the hyperelastic energy only";
+  return {};
+}
+
+}  // namespace
+
+device::Possible<std::unique_ptr<device::Device>> open_first_card() {
+  const auto driver = device::Driver::open();
+  if (!driver) return tl::unexpected(driver.error());
+  return driver->use();
+}
+
+DeviceOfRun::DeviceOfRun(const Options& options, std::int64_t elements, const OpenDevice& open)
+    : is_demanded_(options.device == DeviceChoice::Gpu) {
+  const bool is_wanted = is_demanded_ || (options.device == DeviceChoice::Auto && elements >= kLeastElementsOnDevice);
+  if (!is_wanted) return;
+  why_not_ = why_no_steps(options);
+  if (!why_not_.empty()) {
+    why_not_ = "The run was on the processor: " + why_not_ + ".";
+    return;
+  }
+  auto opened = open ? open() : open_first_card();
+  if (opened)
+    device_ = device::RunDevice(std::move(*opened));
+  else
+    why_not_ = "The run was on the processor. " + opened.error().sentence;
+}
+
+void DeviceOfRun::tell(std::string& device, std::vector<std::string>& notes) const {
+  if (device_.has_begun()) device = device_.name();
+  if (device_.fault()) {
+    notes.push_back(std::string(device_.has_begun() ? "The run went on on the processor after a part of its steps. "
+                                                    : "The run was on the processor. ") +
+                    device_.fault()->sentence);
+    return;
+  }
+  if (!is_demanded_ || device_.has_begun()) return;
+  notes.push_back(!why_not_.empty() ? why_not_
+                                    : "The run made no step of Newton's method, so the device was not used.");
+}
+
+}  // namespace varimesh
