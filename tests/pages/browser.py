@@ -158,9 +158,21 @@ class Page:
                 ? setTimeout(look, 20) : requestAnimationFrame(() => requestAnimationFrame(done));
             look(); })""")
 
-    def picture(self, selector=None):
-        """A screenshot as PNG: of the window, or of the first element that matches the selector."""
+    def picture(self, selector=None, patience=30):
+        """
+        A screenshot as PNG: of the window, or of the first element that matches the selector. A busy browser may show a part of
+        the page late, so this is the first screenshot that equals the one before.
+        """
         self.wait_for_fine_views()
+        deadline = time.monotonic() + patience
+        last = None
+        while (now := self.screenshot(selector)) != last:
+            assert time.monotonic() < deadline, f"the page never stands still: {selector or 'the window'}"
+            last = now
+        return now
+
+    def screenshot(self, selector=None):
+        """What the browser shows now, as picture()."""
         clip = {}
         if selector:
             box = self.value(f"""(() => {{ const box = document.querySelector({json.dumps(selector)}).getBoundingClientRect();
