@@ -84,6 +84,10 @@ struct RunControl {
   /// At the end, cells that have lost their certificate are untangled with their neighbours. If false, they only go
   /// back to where they had it.
   bool untangles_lost = true;
+  /// If elements are left that are not certified valid, other runs follow that may mend them sooner, and time is short.
+  /// So the run hands such a mesh out as soon as its own methods have done what they can: it does not lower the loss of
+  /// accuracy, and tries no other energies and targets. Set by optimise_on_geometry().
+  bool another_follows = false;
 };
 
 }  // namespace varimesh

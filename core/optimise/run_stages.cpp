@@ -218,7 +218,8 @@ bool Run::has_minimum_to_raise() {
   return true;
 }
 
-/// Whether the descent may begin: the energy has done what it can for the validity of cells, and no split may follow.
+/// Whether the descent may begin: the energy has done what it can for the validity of cells, and no split and no other
+/// run may follow that could do more.
 /// Brings the problem to the mesh that a run with Until::Valid would hand out.
 bool Run::can_lower_loss() {
   const bool is_done = result_.stop_reason == StopReason::Valid || result_.stop_reason == StopReason::Repaired ||
@@ -229,6 +230,7 @@ bool Run::can_lower_loss() {
     if (ended_by_itself(result_.stop_reason)) untangle_lost();
     guard_->return_to_ending();
   });
+  if (control_.another_follows && !are_valid(guard_->certificates())) return false;
   return guard_->unrepaired() == 0 || !control_.shallow_untangling;
 }
 

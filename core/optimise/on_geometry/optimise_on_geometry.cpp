@@ -9,8 +9,8 @@
 #include "core/geometry/load.h"
 #include "core/merit/merit.h"
 #include "core/merit/thresholds.h"
-#include "core/optimise/on_geometry/checkpoints_of_runs.h"
 #include "core/optimise/on_geometry/refine_on_model.h"
+#include "core/optimise/on_geometry/run_on_geometry.h"
 
 namespace varimesh {
 namespace {
@@ -19,8 +19,8 @@ namespace {
 constexpr double kMostShare = 0.75;
 /// The same if elements may be split afterwards, which takes a run for each round.
 constexpr double kMostShareBeforeRefining = 0.5;
-/// Of the time of a run: what sliding takes at most.
-constexpr double kMostToSlide = 0.75;
+/// Of a limit of time: if the first run has taken no more, all nodes move together before elements are split.
+constexpr double kShareOfFirst = 0.25;
 /// A limit of time that is over. 0 would mean no limit.
 constexpr double kNoTime = 1e-9;
 /// Rounds of refining: at most, and in a row without fewer elements that are left.
@@ -41,32 +41,34 @@ class Runs {
         refines_(options.repair == Repair::Refine),
         geometry_(geometry),
         model_(model),
-        on_iteration_(on_iteration),
         control_(control),
         hooks_(hooks),
-        checkpoints_(control),
-        watch_(watch),
-        spent_(watch.seconds()) {
+        runs_(geometry_, model, watch, on_iteration, control, hooks) {
     geometry_.fix = options.fix;
     if (refines_) options_.repair = Repair::Report;  // until that leaves elements
   }
 
   Expected<ResultOnGeometry> run() {
     const bool is_only_run = geometry_.slide == SlideOn::None;
-    auto first = run(mesh_, geometry_.slide, refines_ ? kMostShareBeforeRefining : is_only_run ? 1 : kMostShare);
+    auto first = run(mesh_, {geometry_.slide, refines_ ? kMostShareBeforeRefining : is_only_run ? 1 : kMostShare});
     if (!first) return tl::unexpected(first.error());
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
-    is_first_ = false;
-    const bool is_in_haste = refines_ && options_.time_limit > 0;  // refining helps sooner, but adds elements
-    if (!is_only_run && !is_in_haste) try_others();
+    is_unfinished_ = first->is_unfinished;
+    const bool is_limited = refines_ && options_.time_limit > 0;
+    // Refining adds elements, and may help sooner.
+    const bool is_in_haste = is_limited && spent() > kShareOfFirst * options_.time_limit;
+    if (!is_in_haste) move_together(is_limited ? kMostShareBeforeRefining : kMostShare);
+    if (!is_limited) try_without_sliding();
     if (refines_ && left(best_.result) > 0 && may_be_split(mesh_)) {
       options_.repair = Repair::Split;
       split_inside();
       refine_in_stages();
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
-    if (!is_only_run && is_in_haste) try_others();
+    if (is_in_haste) move_together(kMostShare);
+    if (is_limited) try_without_sliding();
+    finish();
     tell_of_refining();
     best_.result.stopped = best_.result.stopped || is_stopped_;
     // Nodes have slid, so nobody need be told to let them.
@@ -92,25 +94,21 @@ class Runs {
     }
   }
 
-  struct Run {
-    Result result;
-    std::optional<SlidAndMeasured> slid;
-    /// Why no node has slid. A trial then has no result.
-    StopToken::Reason cut_short = StopToken::Reason::None;
-  };
-
-  /// Of the time limit, in seconds. Runs that go on from a checkpoint have spent more than has passed since.
-  double spent() const { return std::max(spent_, watch_.seconds()); }
-
   /// Whether the mesh was optimised as it came. To slide once more would take no less time.
   bool is_cut_short() const { return !best_.slid || best_.slid->slid.is_cut_short; }
 
-  void try_others() {
-    if (is_cut_short()) return;
+  /// Whether there are other ways than the first.
+  bool has_other_ways() const { return geometry_.slide != SlideOn::None && !is_cut_short(); }
+
+  void move_together(double share) {
+    if (!has_other_ways() || geometry_.slide != SlideOn::Auto || geometry_.on_boundary() || mesh_.dimension != 3)
+      return;
+    if (is_weak(best_.result)) try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, share);
+  }
+  void try_without_sliding() {
+    if (!has_other_ways()) return;
     if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
-    if (is_weak(best_.result) && geometry_.slide == SlideOn::Auto && mesh_.dimension == 3)
-      try_other(SlideOn::Coupled, left(best_.result) > 0 ? Asked() : kAskForMinimum, kMostShare);
-    if (left(best_.result) > 0) try_other(SlideOn::None, {}, 1);
+    if (left(best_.result) > 0) try_other(SlideOn::None, {}, is_unfinished_ ? kMostShare : 1);
   }
 
   /// By the caller.
@@ -127,13 +125,14 @@ class Runs {
     trial.left_before = left(best_.result);
     trial.min_scaled_jacobian_before = smallest(best_.result);
     tell(trial);
-    auto other = run(mesh_, slide, share);
+    auto other = run(mesh_, {slide, share});
     judge(other, asked, trial);
     tell(trial);
     if (trial.outcome == SlideTrial::Outcome::Taken) {
-      tell_sentences(other->slid, best_.slid);
+      tell_sentences(hooks_, other->slid, best_.slid);
       best_.result = std::move(other->result);
       best_.slid = std::move(other->slid);
+      is_unfinished_ = other->is_unfinished;
       best_slide_ = slide;
       refinement_.reset();
       is_full_ = false;
@@ -141,7 +140,7 @@ class Runs {
     best_.trials.push_back(std::move(trial));
   }
 
-  void judge(const Expected<Run>& other, const Asked& asked, SlideTrial& trial) {
+  void judge(const Expected<RunOnGeometry>& other, const Asked& asked, SlideTrial& trial) {
     if (!other) {
       trial.outcome = SlideTrial::Outcome::Failed;
       trial.error = other.error().sentence;
@@ -176,13 +175,14 @@ class Runs {
   bool split_inside() {
     if (mesh_.dimension != 3 || !may_go_on()) return false;
     auto split = best_slide_ == SlideOn::Coupled || is_cut_short()
-                     ? run(best_.result.mesh, SlideOn::None, kMostShareBeforeRefining, true)
-                     : run(mesh_, geometry_.slide, kMostShareBeforeRefining);
+                     ? run(best_.result.mesh, {.share = kMostShareBeforeRefining, .is_curved = true})
+                     : run(mesh_, {geometry_.slide, kMostShareBeforeRefining});
     if (!split || split->cut_short != StopToken::Reason::None) return false;
     is_stopped_ = split->result.stopped;
     if (is_stopped_ || !may_have(split->result.mesh) ||
         !is_better(merit_of(split->result.after), merit_of(best_.result.after)))
       return false;
+    is_unfinished_ = split->is_unfinished;
     take_refined(best_, std::move(split->result), std::move(split->slid));
     refinement_.reset();
     return true;
@@ -228,6 +228,7 @@ class Runs {
       refinement.steps = splits_of(all);
       if (!may_have(mesh) || !is_better(merit_of(other->result.after), merit_of(best_.result.after))) continue;
       other->result.repairs = std::move(all);
+      is_unfinished_ = other->is_unfinished;
       take_refined(best_, std::move(other->result), std::move(other->slid));
       refinement_ = refinement;
     }
@@ -235,8 +236,8 @@ class Runs {
   }
 
   /// Nothing if no edge may be split.
-  std::optional<Run> refined_run(HighOrderMesh& mesh, SlideOn slide, const std::vector<std::int64_t>& wanted,
-                                 Refinement& refinement) {
+  std::optional<RunOnGeometry> refined_run(HighOrderMesh& mesh, SlideOn slide, const std::vector<std::int64_t>& wanted,
+                                           Refinement& refinement) {
     StopToken stop(control_.stop_asked);
     if (options_.time_limit > 0) stop.stop_after(std::max(kNoTime, options_.time_limit - spent()));
     GeometryOptions geometry = geometry_;
@@ -249,110 +250,39 @@ class Runs {
       is_stopped_ = stop.reason() == StopToken::Reason::Asked;
       return std::nullopt;
     }
-    auto done = run(mesh, slide, kMostShare, true);
+    auto done = run(mesh, {slide, kMostShare, true, most_distance_});
     return done ? std::optional(std::move(*done)) : std::nullopt;
   }
 
-  int threads_to_slide() const {
-    const auto& threads = hooks_.threads_to_slide ? hooks_.threads_to_slide : control_.threads;
-    return threads ? threads() : options_.threads;
-  }
-
-  /// Slides in this way and optimises the mesh.
-  /// @param share      of the time that is left
-  /// @param is_curved  the mesh comes from another run, so it is neither snapped nor curved
-  Expected<Run> run(HighOrderMesh mesh, SlideOn slide, double share, bool is_curved = false) {
-    Options options = options_;
-    if (options.time_limit > 0) options.time_limit = std::max(kNoTime, share * (options.time_limit - spent()));
-    const bool slides = slide != SlideOn::None || !geometry_.on_boundary();
-    Run run;
-    const Stopwatch watch;
-    if (slides) {
-      const auto fine = slide_nodes(mesh, slide, options.time_limit, is_curved, run);
-      if (!fine) return tl::unexpected(fine.error());
-      if (is_first_) tell_sentences(run.slid, std::nullopt);
+  /// Gives the best mesh the rest of the time if its run has left it unfinished. Its boundary stays, and nothing more
+  /// is split.
+  void finish() {
+    if (!is_unfinished_ || !may_go_on()) return;
+    if (splits(options_.repair)) options_.repair = Repair::Report;
+    auto last = run(best_.result.mesh, {.share = 1, .is_curved = true});
+    if (last) is_stopped_ = last->result.stopped || last->cut_short == StopToken::Reason::Asked;
+    if (!last || last->cut_short != StopToken::Reason::None) return;
+    Options resolved = options_;
+    resolved.objective = objective_of(options_, best_.result.mesh.order);
+    const Merit merit = merit_of(last->result.after), before = merit_of(best_.result.after);
+    if (!is_better(merit, before, asked_by(resolved))) {  // the best mesh stays, and this has shown why
+      best_.result.stop_reason = last->result.stop_reason;
+      best_.result.converged = last->result.converged;
+      return;
     }
-    const double seconds = watch.seconds();
-    if (options.time_limit > 0) options.time_limit = std::max(kNoTime, options.time_limit - seconds);
-    const auto numbered = [before = iterations_, begun = spent()](Iteration iteration) {
-      iteration.number += before;
-      iteration.seconds += begun;
-      return iteration;
-    };
-    const OnIteration pass_on = [&](const Iteration& own) {
-      Iteration iteration = numbered(own);
-      iteration.seconds_left = left_of_all(own);
-      if (control_.meter != nullptr) control_.meter->expect_end_in(iteration.seconds_left);
-      return on_iteration_ ? on_iteration_(iteration) : Control::Continue;
-    };
-    const RunControl control = checkpoints_.control_of_next(numbered, !slides || run.slid);
-    if (run.cut_short != StopToken::Reason::None && !is_first_) return run;
-    auto result = optimise(std::move(mesh), options, pass_on, control);
-    if (!result) return tl::unexpected(result.error());
-    spent_ += seconds + result->seconds;
-    iterations_ += result->iterations;
-    run.result = std::move(*result);
-    if (run.slid && run.slid->slid.report.nodes > 0) forget_that_nothing_moved(run.result.notes);
-    return run;
+    // What was said about elements that are left is wrong if fewer are.
+    std::vector<RepairStep> steps = is_better(merit, before) ? splits_of(best_.result.repairs) : best_.result.repairs;
+    steps.insert(steps.end(), last->result.repairs.begin(), last->result.repairs.end());
+    last->result.repairs = std::move(steps);
+    take_refined(best_, std::move(last->result), std::move(last->slid));
   }
 
-  /// As Iteration::seconds_left, for all runs, from what a run says of itself. Nobody knows how many ways to slide will
-  /// be tried for elements that are left. On a boundary without a model, another run without sliding follows the first.
-  double left_of_all(const Iteration& own) const {
-    if (own.seconds_left < 0 || (own.left_elements > 0 && !geometry_.on_boundary())) return -1;
-    return own.seconds_left + (geometry_.on_boundary() && is_first_ ? own.seconds + own.seconds_left : 0);
+  Expected<RunOnGeometry> run(HighOrderMesh mesh, const RunTask& task) {
+    return runs_.run(std::move(mesh), options_, task);
   }
-
-  /// The optimisation does not know that boundary nodes have slid before it.
-  static void forget_that_nothing_moved(std::vector<std::string>& notes) {
-    constexpr std::string_view kNothing = "so nothing was moved", kMore = "so nothing was moved after nodes had slid";
-    for (std::string& note : notes)
-      if (const std::size_t at = note.find(kNothing); at != note.npos) note.replace(at, kNothing.size(), kMore);
-  }
-
-  /// Sets Run::slid, and Run::cut_short if sliding was stopped. The mesh is then as it came or as it was curved, and in
-  /// the first run a sentence says so.
-  Expected<void> slide_nodes(HighOrderMesh& mesh, SlideOn slide, double limit, bool is_curved, Run& run) const {
-    StopToken stop(control_.stop_asked);
-    if (limit > 0) stop.stop_after(kMostToSlide * limit);
-    GeometryOptions geometry = geometry_;
-    geometry.slide = slide;
-    if (is_curved) {
-      geometry.order = 0;
-      geometry.snap = false;
-    }
-    if (slide == SlideOn::Coupled && is_curved && geometry.tolerance == 0) geometry.tolerance = most_distance_;
-    geometry.coupled_seconds = limit / 2;
-    geometry.threads = threads_to_slide();
-    geometry.stop = &stop;
-    try {
-      auto slid = model_ != nullptr ? slide_and_measure(mesh, geometry, *model_)
-                                    : slide_on_boundary(mesh, geometry).map([](SlidOnGeometry&& on_boundary) {
-                                        return SlidAndMeasured{std::move(on_boundary), {}};
-                                      });
-      if (!slid) return tl::unexpected(slid.error());
-      run.slid = std::move(*slid);
-      if (run.slid->slid.is_cut_short) run.cut_short = stop.reason();
-    } catch (const Interrupted&) {
-      run.cut_short = stop.reason();
-      const bool is_over = run.cut_short == StopToken::Reason::TimeLimit;
-      if (is_first_)
-        tell(std::string(is_over ? "The time limit passed" : "The run was stopped") +
-             " while boundary nodes slid, so they are where they came.");
-    }
-    return {};
-  }
-
-  /// Tells what came of sliding, without what was told for `before`.
-  void tell_sentences(const std::optional<SlidAndMeasured>& slid, const std::optional<SlidAndMeasured>& before) const {
-    if (!slid) return;
-    for (const std::string& sentence : slid->slid.sentences)
-      if (!before || std::ranges::find(before->slid.sentences, sentence) == before->slid.sentences.end())
-        tell(sentence);
-  }
-  void tell(const std::string& sentence) const {
-    if (hooks_.on_sentence) hooks_.on_sentence(sentence);
-  }
+  double spent() const { return runs_.spent(); }
+  int threads_to_slide() const { return runs_.threads_to_slide(options_); }
+  void tell(const std::string& sentence) const { varimesh::tell(hooks_, sentence); }
   void tell(const SlideTrial& trial) const {
     if (hooks_.on_trial) hooks_.on_trial(trial);
   }
@@ -362,19 +292,15 @@ class Runs {
   const bool refines_;
   GeometryOptions geometry_;
   const geometry::Geometry* model_;
-  const OnIteration& on_iteration_;
   const RunControl& control_;
   const OnGeometryHooks& hooks_;
-  CheckpointsOfRuns checkpoints_;
+  RunsOnGeometry runs_;
   ResultOnGeometry best_;
   SlideOn best_slide_ = geometry_.slide;  ///< How its nodes have slid.
   double most_distance_ = 0;              ///< How far the boundary may lie in rounds of refining; 0: no round yet.
-  bool is_first_ = true;
+  bool is_unfinished_ = false;            ///< As RunOnGeometry::is_unfinished, of the best mesh.
   std::optional<Refinement> refinement_;  ///< What has refined the best mesh.
   bool is_full_ = false;                  ///< Refining would have split more, but the mesh may not grow so far.
-  int iterations_ = 0;                    ///< Of all runs so far,
-  const Stopwatch& watch_;                ///< and their seconds:
-  double spent_;                          ///< those before them, and what they say themselves.
   bool is_stopped_ = false;               ///< A run after the first was stopped.
 };
 

@@ -312,7 +312,8 @@ class Attempts {
 OtherWays try_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
                    Result& result, bool raises_order) {
   const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result);
-  const bool may = is_wanted && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
+  const bool is_open = control.another_follows && left(result) > 0;
+  const bool may = is_wanted && !is_open && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
                    !stop.stopped() && result.iterations > 0;
   if (!may) return {};
   return Attempts(set_up, on_iteration, control, stop, result, raises_order).run();

@@ -30,7 +30,8 @@ struct OtherWays {
 /// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
 /// - or has Objective::Worst: the default objective is tried too, and taken if its minimum is higher.
 /// From the mesh that is taken, the run goes on with the options that were given. If none is better, the result stays.
-/// All attempts together do at most a multiple of the work of the run. Iterations are numbered through.
+/// All attempts together do at most a multiple of the work of the run. Iterations are numbered through. With
+/// RunControl::another_follows nothing is tried for cells that are left.
 ///
 /// Attempts make no checkpoints: a run that goes on from one makes them again. They free the tables of the set-up, and
 /// SetUp::is_spent says so. If cells are left that may become valid, and work, time and memory are left too, the last

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/merit/merit.h"
 #include "core/optimise/memory.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/disc_mesh.h"
@@ -174,6 +175,54 @@ TEST(OptimiseOnGeometry, SaysThatATrialWasCutShort) {
   EXPECT_GT(done.slid->slid.report.nodes, 0);
 }
 
+/// How many rounds lower the loss of accuracy before a second way to slide begins.
+int rounds_before_trial(double time_limit) {
+  Options options;
+  options.time_limit = time_limit;
+  int rounds = 0;
+  bool has_trial = false;
+  OnGeometryHooks hooks;
+  hooks.on_trial = [&](const SlideTrial&) { has_trial = true; };
+  on_cylinder(SlideOn::Auto, options, {}, hooks, [&](const Iteration& iteration) {
+    if (!has_trial && iteration.phase == Phase::Accuracy) ++rounds;
+    return Control::Continue;
+  });
+  EXPECT_TRUE(has_trial);
+  return rounds;
+}
+
+TEST(OptimiseOnGeometry, LowersNoLossBesideElementsThatAnotherRunMayMendIfTimeIsShort) {
+  EXPECT_GT(rounds_before_trial(0), 0);
+  EXPECT_EQ(rounds_before_trial(100), 0);
+}
+
+TEST(OptimiseOnGeometry, LowersTheLossOfTheBestMeshAtLastIfElementsStay) {
+  Options limited;
+  limited.time_limit = 100;
+  const Result in_time = on_cylinder(SlideOn::All, limited).result, whole = on_cylinder(SlideOn::All).result;
+  ASSERT_GT(left(whole), 0);
+  EXPECT_EQ(left(in_time), left(whole));
+  EXPECT_LT(merit_of(in_time.after).loss, 1.05 * merit_of(whole.after).loss);
+}
+
+TEST(OptimiseOnGeometry, GivesTheBestMeshTheTimeThatNoOtherRunNeeds) {
+  // A valid mesh whose share is over while its loss is lowered.
+  Options options;
+  options.time_limit = 8;
+  bool is_over = false;
+  const auto wait = [&](const Iteration& iteration) {
+    const bool is_valid = iteration.phase == Phase::Accuracy && iteration.left_elements == 0;
+    if (is_valid && !std::exchange(is_over, true))
+      std::this_thread::sleep_for(std::chrono::duration<double>(0.76 * options.time_limit - iteration.seconds + 0.1));
+    return Control::Continue;
+  };
+  const Result done = on_cylinder(SlideOn::Coupled, options, {}, {}, wait).result;
+  EXPECT_TRUE(is_over);
+  EXPECT_NE(done.stop_reason, StopReason::TimeLimit);
+  const double loss = merit_of(on_cylinder(SlideOn::Coupled).result.after).loss;
+  EXPECT_LT(merit_of(done.after).loss, 1.05 * loss);
+}
+
 TEST(OptimiseOnGeometry, TriesNothingElseIfACurvedMeshHadNoTimeToSlide) {
   Options options;
   options.time_limit = 1e-6;
@@ -333,6 +382,20 @@ TEST(OptimiseOnGeometry, RefinesNothingIfNothingIsLeftOrTheMeshMayNotGrow) {
   EXPECT_EQ(stays.result.mesh.element_count(3), 162u);  // splits inside are not taken either
   EXPECT_TRUE(std::ranges::none_of(
       stays.result.repairs, [](const RepairStep& step) { return step.sentence.starts_with("The boundary edge"); }));
+}
+
+TEST(OptimiseOnGeometry, MovesAllNodesTogetherBeforeItRefinesIfTheFirstRunWasShort) {
+  Options options;
+  options.repair = Repair::Refine;
+  options.time_limit = 100;
+  GeometryOptions geometry;
+  geometry.growth = 2;
+  const auto done = optimise_on_geometry(disc(), options, geometry, &cylinder());
+  ASSERT_TRUE(done) << done.error().sentence;
+  EXPECT_EQ(left(done->result), 0);
+  ASSERT_EQ(done->trials.size(), 1u);
+  EXPECT_EQ(done->trials[0].outcome, Outcome::Taken);
+  EXPECT_EQ(done->result.mesh.element_count(3), disc().element_count(3));
 }
 
 TEST(OptimiseOnGeometry, RefinesWithoutSlidingIfThereWasNoTimeToSlide) {
