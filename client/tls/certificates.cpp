@@ -82,7 +82,8 @@ bool set_serial(X509* certificate) {
   return set;
 }
 
-/// What makes a certificate one of an authority, a server or a client.
+/// What makes a certificate one of an authority, a server or a client. All but the authority's name the key that has
+/// signed them, as RFC 5280 (section 4.2.1.1) demands; Python 3.13 refuses others.
 using Extensions = std::vector<std::pair<int, std::string>>;
 
 /// Returns a new key with a certificate, which the issuer signs; without an issuer the key itself does.
@@ -126,6 +127,7 @@ Expected<Identity> make_server(const CertificateOrder& order, const Identity& au
                        {{NID_basic_constraints, "critical,CA:FALSE"},
                         {NID_key_usage, "critical,digitalSignature"},
                         {NID_ext_key_usage, "serverAuth"},
+                        {NID_authority_key_identifier, "keyid:always"},
                         {NID_subject_alt_name, names}},
                        order.days, &authority);
 }
@@ -134,7 +136,8 @@ Expected<Identity> make_client(const std::string& name, int days, const Identity
   return make_identity(name,
                        {{NID_basic_constraints, "critical,CA:FALSE"},
                         {NID_key_usage, "critical,digitalSignature"},
-                        {NID_ext_key_usage, "clientAuth"}},
+                        {NID_ext_key_usage, "clientAuth"},
+                        {NID_authority_key_identifier, "keyid:always"}},
                        days, &authority);
 }
 

@@ -1,5 +1,6 @@
 """A server that encrypts: who gets in and who does not, with the command and the Python client, and certificates that are
 replaced while the server runs. ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import contextlib
 import importlib.util
 import json
 import os
@@ -68,6 +69,25 @@ class MakingCertificates(WithFolder):
         self.assertEqual({name: (self.folder / name).read_bytes() for name in before}, before)
         made = {Path(path).name for path in make(self.folder, "--host", "other.example.org", "--client", "bob")}
         self.assertEqual(made, {"server.pem", "server-key.pem", "bob.pem", "bob-key.pem"})
+
+    def test_those_who_check_strictly_accept_them(self):
+        """As Python 3.13 does unless it is told otherwise."""
+        make(self.folder, "--client", "ann")
+        inside, outside, parties = ssl.MemoryBIO(), ssl.MemoryBIO(), []
+        for name, purpose in (("server", ssl.Purpose.CLIENT_AUTH), ("ann", ssl.Purpose.SERVER_AUTH)):
+            context = ssl.create_default_context(purpose, cafile=self.folder / "authority.pem")
+            context.load_cert_chain(self.folder / f"{name}.pem", self.folder / f"{name}-key.pem")
+            context.verify_mode = ssl.CERT_REQUIRED
+            context.verify_flags |= ssl.VERIFY_X509_STRICT
+            is_server = name == "server"
+            streams = (inside, outside) if is_server else (outside, inside)
+            parties.append(context.wrap_bio(*streams, server_side=is_server, server_hostname=None if is_server else "localhost"))
+        for _ in range(4):
+            for party in parties:
+                with contextlib.suppress(ssl.SSLWantReadError):
+                    party.do_handshake()
+        names = [dict(fields for (fields,) in party.getpeercert()["subject"])["commonName"] for party in parties]
+        self.assertEqual(names, ["ann", "VariMesh server"])
 
     def test_names_that_cannot_be_are_refused(self):
         for flags in (["--client", "../ann"], ["--client", "server"], ["--client", "a-key"], ["--host", "a/b"], ["--host", ""],
