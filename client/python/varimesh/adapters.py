@@ -110,7 +110,8 @@ def from_pyvista(grid: Any, read_vtu: ReadVtu | None = None) -> Mesh:
     kinds, offsets = np.asarray(grid.celltypes), np.asarray(grid.offset)
     connectivity = np.asarray(grid.cell_connectivity)
     counts = np.diff(offsets)
-    if any(_vtk_name(int(kind), int(count)) is None for kind, count in set(zip(kinds.tolist(), counts.tolist()))):
+    pairs: set[Any] = set(zip(kinds.tolist(), counts.tolist()))
+    if any(_vtk_name(kind, count) is None for kind, count in pairs):
         return (read_vtu or _of_shared_client)(VtkGrid.of_pyvista(grid).to_vtu())
     data = getattr(grid, "cell_data", {})
     groups = np.asarray(data["gmsh:physical"] if "gmsh:physical" in data else np.zeros(len(kinds)), dtype=np.int64)
@@ -122,7 +123,7 @@ def from_pyvista(grid: Any, read_vtu: ReadVtu | None = None) -> Mesh:
         first, count, group = piece[0], int(counts[piece[0]]), int(groups[piece[0]])
         name = _vtk_name(int(kinds[first]), count)
         assert name is not None
-        array = connectivity[offsets[first] : offsets[piece[-1] + 1]].reshape(-1, count)
+        array: NDArray[Any] = connectivity[offsets[first] : offsets[piece[-1] + 1]].reshape(-1, count)
         if name in _FROM_MESHIO:
             array = array[:, _FROM_MESHIO[name]]
         if name == "wedge":  # meshio's wedge is numbered like Gmsh's, VTK's is its mirror image
@@ -159,7 +160,9 @@ def update_gmsh(gmsh: Any, mesh: Mesh) -> None:
     model."""
     if mesh.node_tags is None or len(mesh.node_tags) != len(mesh.nodes):
         raise BadMesh("The mesh does not have the nodes of a gmsh model: it comes from elsewhere, or has another order.")
-    for tag, xyz in zip(mesh.node_tags.tolist(), mesh.nodes.tolist()):
+    tags: Any = mesh.node_tags.tolist()
+    places: Any = mesh.nodes.tolist()
+    for tag, xyz in zip(tags, places):
         gmsh.model.mesh.setNode(tag, xyz, [])
 
 

@@ -269,7 +269,7 @@ class Connection:
         self.address = address
         self.retry_seconds = retry_seconds
         self._connect_seconds = connect_seconds
-        self.metadata = (("authorization", f"Bearer {token}"),) if token else ()
+        self.metadata: tuple[tuple[str, str], ...] = (("authorization", f"Bearer {token}"),) if token else ()
         # The calls are part of the trace of the program that has started this one, if it says so.
         parent = os.environ.get("TRACEPARENT", "")
         if 0 < len(parent) <= 256 and all("!" <= letter <= "~" for letter in parent):

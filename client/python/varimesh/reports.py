@@ -232,8 +232,9 @@ def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,
             for key, packed in wire.fields(part):
                 assert isinstance(packed, memoryview)
                 lists[key].append(np.frombuffer(bytes(packed), "<f8") if key == 2 else wire.unpack(bytes(packed)))
-    numbers, scaled, answers = (np.concatenate(lists[key]) if lists[key] else np.zeros(0) for key in (1, 2, 3))
-    numbers = np.array(numbering.numbers(numbers.tolist()), dtype=np.int64)
+    found, scaled, answers = (np.concatenate(lists[key]) if lists[key] else np.zeros(0) for key in (1, 2, 3))
+    of_file: Any = found.tolist()
+    numbers = np.array(numbering.numbers(of_file), dtype=np.int64)
     return CellQuality(**{name: getattr(report, name) for name in Quality.__dataclass_fields__}, number=numbers,
                        scaled_jacobian=scaled, valid=answers == mesh_pb2.CELL_ANSWER_VALID,
                        invalid=answers == mesh_pb2.CELL_ANSWER_INVALID, unrepairable=unrepairable)  # fmt: skip

@@ -30,7 +30,7 @@ def field(number: int, payload: bytes) -> bytes:
 
 def pack(values: NDArray[Any]) -> bytes:
     """Non-negative numbers as packed varints."""
-    left = np.ascontiguousarray(values, dtype=np.uint64).ravel()
+    left: NDArray[np.unsignedinteger[Any]] = np.ascontiguousarray(values, dtype=np.uint64).ravel()
     if left.size == 0:
         return b""
     width = max(1, -(-int(left.max()).bit_length() // 7))
