@@ -3,10 +3,12 @@
 #include <exception>
 #include <iostream>
 #include <new>
+#include <optional>
 #include <streambuf>
 
 #include "client/commands/commands.h"
 #include "client/mpi/quality_of_ranks.h"
+#include "client/mpi/streams_in_turn.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/mpi/mpi_ranks.h"
@@ -32,8 +34,11 @@ class Nowhere : public std::streambuf {
 int main(int argc, char** argv) {
   const MpiSession session;
   Nowhere nowhere;
+  std::optional<client::StreamsInTurn> in_turn;
   std::streambuf *const standard_output = std::cout.rdbuf(), *const standard_error = std::cerr.rdbuf();
-  if (!session.ranks().is_first()) {
+  if (session.ranks().is_first()) {
+    in_turn.emplace();
+  } else {
     std::cout.rdbuf(&nowhere);
     std::cerr.rdbuf(&nowhere);
   }
@@ -51,6 +56,7 @@ int main(int argc, char** argv) {
   };
   const int status = client::run_program(
       argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality); });
+  in_turn.reset();
   std::cout.rdbuf(standard_output);
   std::cerr.rdbuf(standard_error);
   // mpirun ends all ranks as soon as one returns a failure, perhaps before the first rank has said why. So the first

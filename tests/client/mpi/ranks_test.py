@@ -1,10 +1,13 @@
 """varimesh-mpi: several processes print what one prints, and all end soon if one of them cannot go on."""
+import array
+import fcntl
 import os
 import shutil
 import signal
 import struct
 import subprocess
 import sys
+import termios
 import time
 import unittest
 from pathlib import Path
@@ -30,6 +33,12 @@ def command(ranks, *arguments):
 
 def launch(ranks, *arguments, **keywords):
     return subprocess.run(command(ranks, *arguments), capture_output=True, text=True, timeout=100, env=PERMITTED, **keywords)
+
+
+def unread_bytes(pipe):
+    count = array.array("i", [0])
+    fcntl.ioctl(pipe, termios.FIONREAD, count)
+    return count[0]
 
 
 def has_ended(process):
@@ -107,6 +116,20 @@ class Bytes(WithMeshes):
 
     def test_a_larger_mesh(self):
         self.assert_same(self.grid(12), "--certify", "--json", ranks=(1, 2, 5))
+
+    def test_standard_output_comes_when_standard_error_has_been_read(self):
+        """Open MPI 5.0.7 would add the beginning of a line of standard output to the line of standard error."""
+        mesh = self.binary("reentrant_3_of_5.msh")
+        with subprocess.Popen([VARIMESH_MPI, "quality", mesh, "--certify", "--json"], env=PERMITTED, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE) as process:
+            deadline = time.monotonic() + 30
+            while not unread_bytes(process.stderr):
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.01)
+            time.sleep(0.5)
+            self.assertEqual(unread_bytes(process.stdout), 0)
+            self.assertIn(b"invalid", process.stderr.read())
+            self.assertIn(b'"elements"', process.stdout.read())
 
 
 class Refusals(WithMeshes):
