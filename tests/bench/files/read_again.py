@@ -1,6 +1,11 @@
 """Reads meshes with the programs whose formats they have. Each reader gives the number of cells and, if the program
 measures cells, what these measure together; otherwise None."""
+import sys
+from pathlib import Path
+
 import numpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "core" / "formats" / "vtu"))
 
 
 def with_gmsh(path):
@@ -37,8 +42,9 @@ def with_vtk(path):
 
 def with_meshio(path):
     import meshio
+    import meshio_vtu
 
-    blocks = meshio.read(path).cells
+    blocks = (meshio_vtu if path.suffix == ".vtu" else meshio).read(path).cells
     dimension = max(block.dim for block in blocks)
     return sum(len(block.data) for block in blocks if block.dim == dimension), None
 

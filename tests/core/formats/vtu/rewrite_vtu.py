@@ -33,8 +33,9 @@ def by_vtk(file):
 
 def by_meshio(file):
     import meshio
+    import meshio_vtu
 
-    mesh = meshio.read(file)
+    mesh = meshio_vtu.read(file)
     for name, options in (
         ("ascii", {"binary": False}),
         ("plain", {"compression": None}),
