@@ -34,6 +34,17 @@ def flags_of_varimeshd():
     return set(re.findall(r"--[a-z-]+", text))
 
 
+def is_read_only(service, name, target):
+    """Whether a service of `docker-compose config` has this volume there, and cannot write to it. Version 1 prints a volume as
+    NAME:TARGET:ro, and version 2 as a mapping."""
+    for volume in service["volumes"]:
+        if isinstance(volume, str):
+            volume = dict(zip(("source", "target", "read_only"), volume.split(":")))
+        if (volume["source"], volume["target"]) == (name, target):
+            return volume.get("read_only") in ("ro", True)
+    return False
+
+
 class Compose(unittest.TestCase):
     def config(self, **environment):
         return subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "--profile", "metrics", "config"],
@@ -91,7 +102,8 @@ class Compose(unittest.TestCase):
             self.assertEqual(secrets, [], name)
         for name in ("frontend", "worker", "migrate"):
             self.assertEqual(services[name]["environment"]["PGPASSFILE"], "/password/pgpass")
-            self.assertIn("password:/password:ro", services[name]["volumes"])
+            self.assertTrue(is_read_only(services[name], "password", "/password"), services[name]["volumes"])
+            self.assertFalse(is_read_only(services[name], "meshes", "/meshes"), "only that of the password")
         (command,) = services["meshes"]["command"]
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "run/secrets").mkdir(parents=True)

@@ -45,7 +45,7 @@ class Captured(WithFolder):
         shutil.copy(library, self.folder / "captured.so")
         for name, real in REAL.items():
             if real.is_file():
-                (self.folder / "real" / name).symlink_to(real)
+                shutil.copy(real, self.folder / "real" / name)
                 shutil.copy(program, self.folder / name)
         if PLUGIN.is_file():
             shutil.copy(PLUGIN, self.folder / PLUGIN.name)
@@ -126,7 +126,9 @@ class Secrets(Captured):
         other = {"user": 65534, "group": 65534, "extra_groups": []} if os.geteuid() == 0 else {}
         self.folder.chmod(0o777)
         address = self.folder / "address"
-        server = subprocess.Popen([VARIMESHD, "--listen", "127.0.0.1:0", "--port-file", address, "--data", self.folder,
+        # Copies, with the worker beside the server: the other user may not be allowed to enter the folder of the build.
+        program = shutil.copy(VARIMESHD, self.folder / "real")
+        server = subprocess.Popen([program, "--listen", "127.0.0.1:0", "--port-file", address, "--data", self.folder,
                                    "--isolation", "process"], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                                   env={**os.environ, "AWS_SECRET_ACCESS_KEY": "a secret", "TMPDIR": "/tmp"}, **other)
         self.addCleanup(server.wait)
