@@ -4,17 +4,23 @@
 #include <optional>
 
 #include "core/device/device.h"
+#include "core/device_kernels/kernels/splits.h"
 #include "core/energy/material.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::device {
 
-/// The kernels for cells of one shape and order whose targets are constant in each, and for the energy of a material;
-/// none if there are none. They run in the processor's place for every energy; whether they run on a card depends on
-/// the build (KernelImage::packed).
-std::optional<KernelImage> cell_kernels(Shape shape, int order, const Material& material);
+/// A module for cells of one shape and order.
+struct CellModule {
+  CellKind kind;
+  KernelImage image;
+};
 
-/// The kernels for all other cells in 2 or 3 dimensions.
+/// The kernels that keep cells of this shape and order in registers; none if there are none for the shape, the order or
+/// the energy of the material. Whether they run on a card depends on the build (KernelImage::packed).
+std::optional<CellModule> cell_kernels(Shape shape, int order, const Material& material);
+
+/// The kernels for all cells in 2 or 3 dimensions, of the energy of the material.
 KernelImage general_kernels(int dimension, const Material& material);
 
 /// The kernels of Newton's method besides those of the cells (kernels/solver_kernels.h).

@@ -38,18 +38,20 @@ Possible<void> CellsOnDevice::copy_sets() {
     rank_of_[static_cast<std::size_t>(problem_.free[rank])] = static_cast<std::int32_t>(rank);
   std::size_t first = 0;
   for (const CellSet& set : problem_.sets) {
-    const auto own = set.affine ? cell_kernels(set.shape, set.order, material_) : std::nullopt;
+    const SetPlace place{set, material_, first, rank_of_, fold_gradient(set).points};
+    auto own = cell_kernels(set.shape, set.order, material_);
+    // Simplices in registers have one target each.
+    if (own && !own->kind.is_layered() && !set.affine) own.reset();
+    auto tables = own ? split_tables(set, own->kind, place.slots) : std::nullopt;
     const KernelImage of_any_cell = general_kernels(set.dimension, material_);
-    const auto module = module_of(own ? *own : of_any_cell);
-    if (!module && module.error().kind == Fault::Kind::NoKernels && material_.energy != Energy::Hyperelastic)
-      return fault(Fault::Kind::NoKernels, "A card has kernels of the hyperelastic energy only.");
+    const auto module = module_of(tables ? own->image : of_any_cell);
     if (!module) return tl::unexpected(module.error());
     const auto general = module_of(of_any_cell);
     if (!general) return tl::unexpected(general.error());
-    if (own)
-      sets_.push_back(std::make_unique<SplitCells>(device_, set, material_, first, rank_of_));
+    if (tables)
+      sets_.push_back(std::make_unique<SplitCells>(device_, place, std::move(*tables)));
     else
-      sets_.push_back(std::make_unique<GeneralCells>(device_, set, material_, first, rank_of_));
+      sets_.push_back(std::make_unique<GeneralCells>(device_, place));
     if (auto done = sets_.back()->copy(**module, **general); !done) return done;
     first += sets_.back()->contributions();
   }

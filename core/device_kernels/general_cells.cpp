@@ -13,20 +13,9 @@ Possible<void> GeneralCells::copy(const Module& kernels, const Module& general) 
                                                     {"product", &product_}};
   Possible<void> done = find_kernels(kernels, wanted);
   if (done) done = copy_cells(general);
-  const int square = set_.dimension * set_.dimension, per_cell = set_.affine ? 1 : set_.points;
-  const auto slot = [&](int i) { return slots_[static_cast<std::size_t>(i)]; };
-  if (done)
-    done = keep(device_, inverse_target_, in_batches<double>(per_cell * square, [&](std::int32_t cell, int i) {
-                  const double* inverse = set_.inverse_target_of(cell);
-                  return set_.affine ? inverse[i] : inverse[i % square * set_.stride + slot(i / square)];
-                }));
-  if (done)
-    done = keep(device_, measure_, in_batches<double>(per_cell, [&](std::int32_t cell, int i) {
-                  const double* measure = set_.measure_of(cell);
-                  return set_.affine ? *measure : measure[slot(i)] / set_.weights[static_cast<std::size_t>(slot(i))];
-                }));
+  const std::size_t square = static_cast<std::size_t>(set_.dimension) * static_cast<std::size_t>(set_.dimension);
   if (!done) return done;
-  auto fields = device_.allocate(lanes() * static_cast<std::size_t>(set_.points * square) * sizeof(double));
+  auto fields = device_.allocate(lanes() * static_cast<std::size_t>(set_.points) * square * sizeof(double));
   if (!fields) return tl::unexpected(fields.error());
   fields_ = std::move(*fields);
   return {};

@@ -30,12 +30,6 @@ void add_node(HighOrderMesh& mesh, std::initializer_list<int> at) {
   mesh.node_numbers.push_back(static_cast<std::int64_t>(mesh.node_numbers.size()) + 1);
 }
 
-void add_cell(HighOrderMesh& mesh, std::initializer_list<int> nodes) {
-  ElementBlock& block = mesh.blocks.front();
-  block.numbers.push_back(static_cast<std::int64_t>(block.numbers.size()) + 1);
-  block.nodes.insert(block.nodes.end(), nodes.begin(), nodes.end());
-}
-
 /// The mesh in another order, with its nodes moved a little.
 HighOrderMesh bent(HighOrderMesh mesh, int order) {
   mesh.node_blocks = {{mesh.dimension, 1, 0, static_cast<std::int32_t>(mesh.node_count())}};
@@ -46,39 +40,37 @@ HighOrderMesh bent(HighOrderMesh mesh, int order) {
   return curved;
 }
 
-/// The number of a grid's node with these coordinates, of `points` in each direction.
-int node_of(int points, int x, int y, int z) { return (z * points + y) * points + x; }
+/// How a square or a cube is cut into cells of a shape: corners by bits, 1 the next x, 2 the next y, 4 the next z.
+struct Cut {
+  int dimension;
+  Shape shape;
+  std::vector<std::vector<int>> cells;
+};
 
-/// Eighteen triangles in nine squares: a full batch and a part of one.
-HighOrderMesh triangles(int order) {
-  HighOrderMesh mesh = empty_mesh(2, Shape::Triangle);
-  constexpr int kSquares = 3, kPoints = kSquares + 1;
-  for (int y = 0; y < kPoints; ++y)
-    for (int x = 0; x < kPoints; ++x) add_node(mesh, {x, y, 0});
-  for (int y = 0; y < kSquares; ++y)
-    for (int x = 0; x < kSquares; ++x) {
-      const int first = node_of(kPoints, x, y, 0);
-      add_cell(mesh, {first, first + 1, first + kPoints + 1});
-      add_cell(mesh, {first, first + kPoints + 1, first + kPoints});
+const Cut kTriangles{2, Shape::Triangle, {{0, 1, 3}, {0, 3, 2}}};
+const Cut kQuadrilaterals{2, Shape::Quadrilateral, {{0, 1, 3, 2}}};
+const Cut kTetrahedra{
+    3, Shape::Tetrahedron, {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}}};
+const Cut kPrisms{3, Shape::Prism, {{0, 1, 3, 4, 5, 7}, {0, 3, 2, 4, 7, 6}}};
+const Cut kHexahedra{3, Shape::Hexahedron, {{0, 1, 3, 2, 4, 5, 7, 6}}};
+
+/// A grid of squares or cubes, cut into cells: three squares or two cubes in each direction.
+HighOrderMesh grid(const Cut& cut, int order) {
+  HighOrderMesh mesh = empty_mesh(cut.dimension, cut.shape);
+  const int side = cut.dimension == 2 ? 3 : 2, sides_up = cut.dimension == 2 ? 1 : side;
+  const int points = side + 1, points_up = cut.dimension == 2 ? 1 : points;
+  for (int z = 0; z < points_up; ++z)
+    for (int y = 0; y < points; ++y)
+      for (int x = 0; x < points; ++x) add_node(mesh, {x, y, z});
+  ElementBlock& block = mesh.blocks.front();
+  for (int cube = 0; cube < side * side * sides_up; ++cube)
+    for (const std::vector<int>& cell : cut.cells) {
+      block.numbers.push_back(static_cast<std::int64_t>(block.numbers.size()) + 1);
+      for (const int bits : cell) {
+        const int x = cube % side + bits % 2, y = cube / side % side + bits / 2 % 2, z = cube / side / side + bits / 4;
+        block.nodes.push_back((z * points + y) * points + x);
+      }
     }
-  return bent(std::move(mesh), order);
-}
-
-/// Forty-eight tetrahedra in eight cubes.
-HighOrderMesh tetrahedra(int order) {
-  HighOrderMesh mesh = empty_mesh(3, Shape::Tetrahedron);
-  constexpr int kCubes = 2, kPoints = kCubes + 1;
-  for (int z = 0; z < kPoints; ++z)
-    for (int y = 0; y < kPoints; ++y)
-      for (int x = 0; x < kPoints; ++x) add_node(mesh, {x, y, z});
-  // The six tetrahedra around a cube's diagonal, as bits: 1 the next x, 2 the next y, 4 the next z.
-  constexpr int kAround[][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
-  for (int cube = 0; cube < kCubes * kCubes * kCubes; ++cube) {
-    const auto node = [&](int bits) {
-      return node_of(kPoints, cube % 2 + bits % 2, cube / 2 % 2 + bits / 2 % 2, cube / 4 + bits / 4);
-    };
-    for (const auto& [a, b, c, d] : kAround) add_cell(mesh, {node(a), node(b), node(c), node(d)});
-  }
   return bent(std::move(mesh), order);
 }
 
@@ -111,8 +103,13 @@ Possible<std::vector<char>> results(Device& device, const Problem& problem, cons
 }  // namespace
 
 std::vector<HighOrderMesh> check_meshes() {
-  // Those of order 6 have the kernels of cells of any shape.
-  return {tetrahedra(2), tetrahedra(3), tetrahedra(4), tetrahedra(5), tetrahedra(6), triangles(3)};
+  std::vector<HighOrderMesh> meshes;
+  // Those of order 6 have the kernels of all cells.
+  for (const int order : {2, 3, 4, 5, 6}) meshes.push_back(grid(kTetrahedra, order));
+  for (const int order : {2, 3, 4, 5, 6}) meshes.push_back(grid(kTriangles, order));
+  for (const Cut* cut : {&kQuadrilaterals, &kPrisms, &kHexahedra})
+    for (const int order : {2, 3, 4}) meshes.push_back(grid(*cut, order));
+  return meshes;
 }
 
 tl::unexpected<Fault> other_numbers(const Device& device, const HighOrderMesh& mesh) {

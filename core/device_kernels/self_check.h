@@ -8,7 +8,7 @@
 
 namespace varimesh::device {
 
-/// Small bent meshes: tetrahedra of orders 2 to 6 and triangles. Each has vertices inside.
+/// Small bent meshes of all cells that have kernels of their own, and of some that have not. Each has vertices inside.
 std::vector<HighOrderMesh> check_meshes();
 
 /// The fault of a device that computes other numbers than the processor on cells of this mesh.

@@ -29,11 +29,9 @@ Possible<void> SetOnDevice::copy_cells(const Module& general) {
     if (!found) return tl::unexpected(found.error());
     *kernel = std::move(*found);
   }
-  slots_ = fold_gradient(set_).points;
   entries_ = make_hessian_kernels(material_, set_.dimension)->entries();
   std::vector<double> weights;
   for (const int point : slots_) weights.push_back(set_.weights[static_cast<std::size_t>(point)]);
-  weights.resize(weights.size() + 4);  // as many as a turn may add
   const auto node = [&](std::int32_t cell, int n) {
     return set_.nodes[static_cast<std::size_t>(cell) * static_cast<std::size_t>(set_.nodes_per_cell) +
                       static_cast<std::size_t>(n)];
@@ -50,10 +48,7 @@ Possible<void> SetOnDevice::copy_cells(const Module& general) {
     done = keep(device_, ranks_, in_batches<std::int32_t>(set_.nodes_per_cell, [&](std::int32_t cell, int n) {
                   return rank_of_[static_cast<std::size_t>(node(cell, n))];
                 }));
-  if (done && !set_.left_factor.empty())
-    done = keep(device_, left_factor_,
-                in_batches<double>(set_.dimension * set_.dimension,
-                                   [&](std::int32_t cell, int i) { return set_.left_factor_of(cell)[i]; }));
+  if (done) done = copy_targets();
   const std::size_t square = static_cast<std::size_t>(set_.dimension) * static_cast<std::size_t>(set_.dimension);
   const std::size_t points = static_cast<std::size_t>(set_.points);
   const std::pair<Buffer*, std::size_t> sizes[] = {
@@ -67,6 +62,25 @@ Possible<void> SetOnDevice::copy_cells(const Module& general) {
     if (!made) return tl::unexpected(made.error());
     *buffer = std::move(*made);
   }
+  return done;
+}
+
+Possible<void> SetOnDevice::copy_targets() {
+  const int square = set_.dimension * set_.dimension, per_cell = set_.affine ? 1 : set_.points;
+  const auto slot = [&](int i) { return slots_[static_cast<std::size_t>(i)]; };
+  Possible<void> done =
+      keep(device_, inverse_target_, in_batches<double>(per_cell * square, [&](std::int32_t cell, int i) {
+             const double* inverse = set_.inverse_target_of(cell);
+             return set_.affine ? inverse[i] : inverse[i % square * set_.stride + slot(i / square)];
+           }));
+  if (done)
+    done = keep(device_, measure_, in_batches<double>(per_cell, [&](std::int32_t cell, int i) {
+                  const double* measure = set_.measure_of(cell);
+                  return set_.affine ? *measure : measure[slot(i)] / set_.weights[static_cast<std::size_t>(slot(i))];
+                }));
+  if (done && !set_.left_factor.empty())
+    done = keep(device_, left_factor_,
+                in_batches<double>(square, [&](std::int32_t cell, int i) { return set_.left_factor_of(cell)[i]; }));
   return done;
 }
 
@@ -131,9 +145,7 @@ Possible<void> SetOnDevice::add_norm_term(const SharedArrays& shared) {
 GeneralArguments SetOnDevice::general_arguments(const SharedArrays& shared) const {
   auto a = common_arguments<GeneralArguments>(shared);
   a.nodes = set_.nodes_per_cell;
-  a.affine = set_.affine;
   a.derivatives = derivatives_.as<const double>();
-  a.cell_nodes = nodes_.as<const std::int32_t>();
   a.ranks = ranks_.as<const std::int32_t>();
   a.direction = shared.direction;
   return a;

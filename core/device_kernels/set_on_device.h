@@ -37,13 +37,24 @@ struct SharedArrays {
   float* contributions = nullptr;  ///< Of all sets.
 };
 
+/// A set of a problem, and where its numbers are among those of all sets. All of it outlives the set on the device.
+struct SetPlace {
+  const CellSet& cells;
+  const Material& material;
+  std::size_t first;                         ///< How many contributions the sets before it have.
+  const std::vector<std::int32_t>& rank_of;  ///< By node: its rank, or Problem::free.size() if it is fixed.
+  std::vector<int> slots;                    ///< The quadrature point of each slot (FoldedGradient::points).
+};
+
 class SetOnDevice {
  public:
-  /// @param first     how many contributions the sets before it have
-  /// @param rank_of   by node: its rank, or Problem::free.size() if it is fixed
-  SetOnDevice(Device& device, const CellSet& set, const Material& material, std::size_t first,
-              const std::vector<std::int32_t>& rank_of)
-      : device_(device), set_(set), material_(material), first_(first), rank_of_(rank_of) {}
+  SetOnDevice(Device& device, const SetPlace& place)
+      : device_(device),
+        set_(place.cells),
+        material_(place.material),
+        first_(place.first),
+        rank_of_(place.rank_of),
+        slots_(place.slots) {}
   virtual ~SetOnDevice() = default;
 
   /// Copies the set to the device.
@@ -94,9 +105,10 @@ class SetOnDevice {
   }
   Possible<void> find_kernels(const Module& kernels, std::span<const std::pair<const char*, Kernel*>> wanted);
   NormArguments norm_arguments(const SharedArrays& shared, int width) const;
-  /// Copies what both kinds have: derivatives, nodes, ranks, left factors, weights of points and cells; makes room for
+  /// Copies what both kinds have: derivatives, nodes, ranks, targets, weights of points and cells; makes room for
   /// results.
   Possible<void> copy_cells(const Module& general);
+  Possible<void> copy_targets();
   GeneralArguments general_arguments(const SharedArrays& shared) const;
   /// Runs a kernel with `per_batch` × lane threads per batch.
   Possible<void> run_general(const Kernel& kernel, int per_batch, GeneralArguments& arguments);
@@ -112,8 +124,8 @@ class SetOnDevice {
   const Material material_;
   const std::size_t first_;
   const std::vector<std::int32_t>& rank_of_;
-  std::vector<int> slots_;  ///< The quadrature point of each slot (FoldedGradient::points).
-  int entries_ = 0;         ///< KeptPartials::kEntries.
+  const std::vector<int> slots_;
+  int entries_ = 0;  ///< KeptPartials::kEntries.
 
   Buffer weights_, nodes_, ranks_, inverse_target_, left_factor_, measure_, delta_squared_, slope_;
   Buffer derivatives_;  ///< As GeneralArguments::derivatives.
@@ -139,6 +151,8 @@ Arguments SetOnDevice::common_arguments(const SharedArrays& shared) const {
   a.material = material_;
   a.batches = batches();
   a.points = set_.points;
+  a.affine = set_.affine;
+  a.cell_nodes = nodes_.as<const std::int32_t>();
   a.weights = weights_.as<const double>();
   a.inverse_target = inverse_target_.as<const double>();
   a.left_factor = left_factor_.as<const double>();

@@ -1,7 +1,8 @@
 // The kernels of cells of any shape and order, and of one energy, for a card. clang compiles this file to PTX as
-// card/tetrahedra.cpp. It defines
-//   VARIMESH_DIMENSION   2 or 3
-//   VARIMESH_ENERGY      the type of the energy
+// card/cells.cpp. It defines
+//   VARIMESH_DIMENSION       2 or 3
+//   VARIMESH_ENERGY          the type of the energy
+//   VARIMESH_ENERGY_NUMBER   its number in kernels/energies.h
 #include <array>
 #include <bit>
 #include <cmath>
@@ -35,8 +36,9 @@ VARIMESH_ON_CARD void run(const GeneralArguments& a, int per_batch, const Work& 
 
 }  // namespace
 
-/// Tells this module from others. No kernel reads it.
-extern "C" __attribute__((device)) int cell_nodes = -VARIMESH_DIMENSION;
+/// Tell this module from others. No kernel reads them.
+extern "C" __attribute__((device)) int any_cells = VARIMESH_DIMENSION;
+extern "C" __attribute__((device)) int energy_number = VARIMESH_ENERGY_NUMBER;
 
 #define KERNEL(name, per_batch, call)                                                      \
   VARIMESH_KERNEL name(GeneralArguments a) {                                               \

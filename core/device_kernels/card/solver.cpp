@@ -1,5 +1,5 @@
 // The kernels of Newton's method besides those of the cells, for a card. clang compiles this file to PTX as
-// card/tetrahedra.cpp. It defines
+// card/cells.cpp. It defines
 //   VARIMESH_DIMENSION   2 or 3
 #include <array>
 #include <bit>

@@ -6,7 +6,7 @@
 #include "core/device_kernels/kernels/product-inl.h"
 
 #define VARIMESH_ON_CARD __attribute__((device)) inline __attribute__((always_inline))
-#define VARIMESH_KERNEL extern "C" __attribute__((global)) __attribute__((launch_bounds(128))) void
+#define VARIMESH_KERNEL extern "C" __attribute__((global)) __attribute__((launch_bounds(128, 2))) void
 
 namespace varimesh::N_ONE_LANE {
 

@@ -1,4 +1,4 @@
-// The kernels of one shape and order as the processor runs them in a device's place, for every energy.
+// The kernels of one shape and order, and those of all cells, as the processor runs them in a device's place.
 #pragma once
 
 #include <algorithm>
@@ -53,14 +53,17 @@ void norm_kernel(const void* arguments, std::int32_t block, std::int32_t threads
     function(a, static_cast<std::int64_t>(block) * threads + thread);
 }
 
-template <class E, int d, int nodes>
+/// Kernels that keep cells of one kind in registers.
+template <class E, CellKind kind>
 struct CpuKernels {
+  static constexpr int d = kind.dimension;
+
   template <CellKernel kernel, class Work>
   static void on_cells(const void* arguments, std::int32_t block, std::int32_t threads, const Work& work) {
     const auto& a = *static_cast<const device::CellArguments*>(arguments);
-    constexpr int parts = device::parts_of(kernel, nodes);
+    constexpr int parts = device::parts_of(kernel, kind);
     for_cells_of_block<parts>(a.batches, block, threads, [&](Place<parts> place) {
-      CellOnDevice<E, d, nodes, parts> cell(a, a.derivatives, place);
+      CellOnDevice<E, kind, parts> cell(a, a.tables.derivatives, place);
       work(cell);
     });
   }
@@ -75,9 +78,9 @@ struct CpuKernels {
   }
   static void product(const void* arguments, std::int32_t block, std::int32_t threads) {
     const auto& a = *static_cast<const device::ProductArguments*>(arguments);
-    constexpr int parts = device::parts_of(CellKernel::Product, nodes);
+    constexpr int parts = device::parts_of(CellKernel::Product, kind);
     for_cells_of_block<parts>(a.batches, block, threads, [&](Place<parts> place) {
-      ProductOnDevice<E, d, nodes, parts>(a, a.derivatives, place).multiply();
+      ProductOnDevice<E, kind, parts>(a, a.tables.derivatives, place).multiply();
     });
   }
 
@@ -167,12 +170,10 @@ std::span<const CpuKernel> general_cpu_kernels(const Material& material) {
   });
 }
 
-/// The kernels for the energy of a material.
-template <int d, int nodes>
-std::span<const CpuKernel> cpu_kernels(const Material& material) {
-  return with_energy<d>(material, [](const auto& energy) {
-    return std::span<const CpuKernel>(CpuKernels<std::decay_t<decltype(energy)>, d, nodes>::kKernels);
-  });
+/// Kernels of the hyperelastic energy.
+template <CellKind kind>
+std::span<const CpuKernel> cpu_kernels() {
+  return CpuKernels<HyperelasticEnergy<kind.dimension>, kind>::kKernels;
 }
 
 }  // namespace varimesh::N_ONE_LANE

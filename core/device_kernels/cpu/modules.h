@@ -1,5 +1,5 @@
-// The kernels for the processor, for the energy of a material: those of tetrahedra, and those of all other cells. They
-// are compiled in several files, to share the work.
+// The kernels for the processor: those that keep cells of one kind in registers, of the hyperelastic energy, and those
+// of all other cells, of the energy of a material. They are compiled in several files, to share the work.
 #pragma once
 
 #include <span>
@@ -9,13 +9,13 @@
 
 namespace varimesh::device {
 
-std::span<const CpuKernel> cpu_tetrahedra_2(const Material& material);
-std::span<const CpuKernel> cpu_tetrahedra_3(const Material& material);
-std::span<const CpuKernel> cpu_tetrahedra_4(const Material& material);
-std::span<const CpuKernel> cpu_tetrahedra_5(const Material& material);
+#define KIND(shape, name, order, dimension, columns, layers) std::span<const CpuKernel> cpu_##name##_##order();
+#include "core/device_kernels/kernels/cell_kinds.h"
 
 std::span<const CpuKernel> cpu_general_2d(const Material& material);
 std::span<const CpuKernel> cpu_general_3d(const Material& material);
+/// The number of a material's energy in kernels/energies.h.
+int energy_number(int dimension, const Material& material);
 
 /// Those of Newton's method besides the kernels of the cells. No energy is in them.
 std::span<const CpuKernel> cpu_solver_2d();

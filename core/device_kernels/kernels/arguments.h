@@ -11,26 +11,36 @@
 
 namespace varimesh::device {
 
-/// A set of cells of one shape, whose targets are the same at all points of a cell.
+/// The reference cell of the kernels that keep cells in registers (splits.h). T: double or float.
+template <class T>
+struct CellTables {
+  std::int32_t bases = 0;    ///< Points of the base; of a simplex all points.
+  std::int32_t heights = 1;  ///< Points along a column.
+  /// For each point of the base, part, k < d − 1 and column of the part ∂b/∂ξ_k, then for each column b; of a simplex
+  /// ∂φ/∂ξ_k for k < d. Zeros for missing columns, and for as many more points as a turn needs. Then, for each height
+  /// and layer, l and l'.
+  const T* derivatives = nullptr;
+  const std::int32_t* nodes = nullptr;  ///< columns × layers: the local number of the node; null: a simplex.
+  const std::int32_t* slots = nullptr;  ///< heights × bases: the slot of the point; null: a simplex.
+};
+
+/// A set of cells of one shape. Those of simplices have targets that are the same at all points of a cell.
 struct CellArguments {
   Material material;
   std::int32_t batches = 0;
   std::int32_t points = 0;
-
-  // The reference cell. The points are padded (splits.h) by repeating the last one with weight 0.
-  /// (points + 1) × part × d × nodes of the part: ∂φ_n/∂ξ_k, and in the end its mean over the rule's points. A part's
-  /// last nodes may be missing; their derivatives are 0.
-  const double* derivatives = nullptr;
+  bool affine = true;               ///< CellSet::affine.
+  CellTables<double> tables;        ///< As the kernel splits cells.
   const double* weights = nullptr;  ///< points.
 
   // The cells.
-  const std::int32_t* nodes = nullptr;     ///< batches × node × lane: the node's number.
-  const double* inverse_target = nullptr;  ///< batches × d·d × lane: A⁻¹.
-  const double* left_factor = nullptr;     ///< batches × d·d × lane; null: L = 1.
-  const double* measure = nullptr;         ///< batches × lane: |det A|.
-  const double* delta_squared = nullptr;   ///< batches × lane.
-  const double* slope = nullptr;           ///< batches × lane: CellSet::energy_slope.
-  const double* positions = nullptr;       ///< d per node.
+  const std::int32_t* cell_nodes = nullptr;  ///< batches × node × lane: the node's number.
+  const double* inverse_target = nullptr;    ///< batches × (affine ? 1 : points) × d·d × lane: A⁻¹.
+  const double* left_factor = nullptr;       ///< batches × d·d × lane; null: L = 1.
+  const double* measure = nullptr;           ///< batches × (affine ? 1 : points) × lane: |det A|.
+  const double* delta_squared = nullptr;     ///< batches × lane.
+  const double* slope = nullptr;             ///< batches × lane: CellSet::energy_slope.
+  const double* positions = nullptr;         ///< d per node.
 
   // Results.
   double* scans = nullptr;         ///< batches × 3 × lane: energy, smallest J, scaled Jacobian (CellScan).
@@ -45,7 +55,8 @@ struct ProductArguments {
   Material material;
   std::int32_t batches = 0;
   std::int32_t points = 0;
-  const float* derivatives = nullptr;  ///< points × part × d × nodes of the part, with zeros in the padding.
+  bool affine = true;
+  CellTables<float> tables;
   const double* inverse_target = nullptr;
   const double* left_factor = nullptr;
   const float* linearisation = nullptr;
@@ -65,7 +76,7 @@ struct GeneralArguments {
   bool affine = false;                       ///< CellSet::affine.
   const double* derivatives = nullptr;       ///< points × d × nodes.
   const double* weights = nullptr;           ///< points.
-  const std::int32_t* cell_nodes = nullptr;  ///< CellArguments::nodes.
+  const std::int32_t* cell_nodes = nullptr;  ///< CellArguments::cell_nodes.
   const double* inverse_target = nullptr;    ///< batches × (affine ? 1 : points) × d·d × lane.
   const double* left_factor = nullptr;
   const double* measure = nullptr;  ///< batches × (affine ? 1 : points) × lane: |det A|.

@@ -12,71 +12,57 @@
 #include <limits>
 
 #include "core/device_kernels/kernels/arguments.h"
-#include "core/device_kernels/kernels/parts-inl.h"
+#include "core/device_kernels/kernels/columns-inl.h"
 #include "core/device_kernels/kernels/points-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// One cell, with its nodes split into `parts`. `table`: CellArguments::derivatives.
-template <class E, int d, int nodes, int parts>
+/// One cell, split into `parts`. Simplices have one target each, all other cells one at each point.
+template <class E, CellKind kind, int parts>
 class CellOnDevice {
   using Arguments = device::CellArguments;
-  static constexpr int kHereNow = kHere<parts>, kTurnsNow = kTurns<parts>;
+  static constexpr int d = kind.dimension, kHereNow = kHere<parts>;
+  static constexpr bool kOneTarget = !kind.is_layered();
 
  public:
-  /// Nodes of a part.
-  static constexpr int kNodes = (nodes + parts - 1) / parts;
-  /// Numbers of a point in the table.
-  static constexpr int kRow = parts * d * kNodes;
+  using Cells = Columns<double, kind, parts>;
 
+  /// @param table  CellArguments::tables.derivatives, or a copy
   HWY_INLINE CellOnDevice(const Arguments& arguments, const double* table, Place<parts> place)
-      : a_(arguments),
-        table_(table),
-        place_(place),
-        energy_(arguments.material),
-        groups_((arguments.points + kTurnsNow - 1) / kTurnsNow) {
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        const int node = part(p) * kNodes + n < nodes ? part(p) * kNodes + n : nodes - 1;
-        const auto number = static_cast<std::int64_t>(
-            a_.nodes[(static_cast<std::int64_t>(place_.batch) * nodes + node) * kBatch + place_.lane]);
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { x_[p][n][i] = a_.positions[number * d + i]; }
-      }
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { inverse_[i] = of_cell(a_.inverse_target, d * d, i); }
-    measure_ = of_cell(a_.measure, 1, 0);
+      : a_(arguments), place_(place), energy_(arguments.material), columns_(arguments.tables, table, place.first) {
+    columns_.begin(position());
     delta_squared_ = of_cell(a_.delta_squared, 1, 0);
   }
 
   /// Writes the cell's scan.
   HWY_INLINE void scan() {
-    double energy[kHereNow], smallest[kHereNow], largest[kHereNow];
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    double energy[kHereNow], smallest[kHereNow], least[kHereNow], most[kHereNow];
     for (int p = 0; p < kHereNow; ++p) {
       energy[p] = 0;
-      smallest[p] = std::numeric_limits<double>::infinity();
-      largest[p] = -smallest[p];
+      smallest[p] = least[p] = kInfinity;
+      most[p] = -kInfinity;
     }
-    VARIMESH_NOT_UNROLLED
-    for (int group = 0; group < groups_; ++group) {
-      double G[kHereNow][d * d];
-      gradients(group, G);
-      for (int p = 0; p < kHereNow; ++p) {
-        const Matrix<Real, d> F = deformation(G[p]);
-        const double J = determinant<d>(F).value;
-        const double W = density_value<d>(energy_, F, Real{delta_squared_}).value;
-        energy[p] = __builtin_fma(weight(group, p) * measure_, W, energy[p]);
-        smallest[p] = J < smallest[p] ? J : smallest[p];
-        largest[p] = J > largest[p] ? J : largest[p];
-      }
-    }
-    over_parts<parts>(energy, [](double a, double b) { return a + b; });
-    over_parts<parts>(smallest, [](double a, double b) { return b < a ? b : a; });
-    over_parts<parts>(largest, [](double a, double b) { return b > a ? b : a; });
+    for_points([&](const Point& at, const Matrix<Real, d>& F) __attribute__((always_inline)) {
+      const double J = determinant<d>(F).value, volume = measure_at(at.slot);
+      const double W = density_value<d>(energy_, F, Real{delta_squared_}).value;
+      if (!at.counts) return;
+      energy[at.p] = __builtin_fma(a_.weights[at.slot] * volume, W, energy[at.p]);
+      smallest[at.p] = J < smallest[at.p] ? J : smallest[at.p];
+      least[at.p] = J * volume < least[at.p] ? J * volume : least[at.p];
+      most[at.p] = J * volume > most[at.p] ? J * volume : most[at.p];
+    });
+    over_parts<parts>(energy, Sum());
+    over_parts<parts>(smallest, Smaller());
+    over_parts<parts>(least, Smaller());
+    over_parts<parts>(most, Greater());
     if (place_.first != 0) return;
     double* to = a_.scans + static_cast<std::int64_t>(place_.batch) * 3 * kBatch + place_.lane;
     to[0] = energy[0];
     to[kBatch] = smallest[0];
-    to[2 * kBatch] = scaled_jacobian(smallest[0], largest[0]);
+    to[2 * kBatch] = scaled_jacobian(least[0], most[0]);
   }
 
   /// Writes the contributions to the gradient, and with `keeps` what products need.
@@ -84,130 +70,152 @@ class CellOnDevice {
   HWY_INLINE void gradient() {
     float middle[d * d], step = 1;
     if constexpr (keeps) keep_range(middle, step);
-    double sums[kHereNow][kNodes][d];
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { sums[p][n][i] = 0; }
-      }
     const double slope = of_cell(a_.slope, 1, 0);
+    columns_.clear();
     VARIMESH_NOT_UNROLLED
-    for (int group = 0; group < groups_; ++group) {
-      double own[kHereNow][d * d];
-      gradients(group, own);
-      for (int p = 0; p < kHereNow; ++p) {
-        const Matrix<Real, d> F = deformation(own[p]);
-        float* kept = nullptr;
-        if (keeps && writes(group, p)) {
-          write_steps<d>(F, middle, step, a_.deformation + at_point(group, p, d * d));
-          kept = a_.linearisation + at_point(group, p, KeptPartials<E>::kEntries);
-        }
-        const Real w = Real{slope} * (Real{weight_of(group, p)} * Real{measure_});
-        stress_at<keeps, d>(energy_, F, w, Real{delta_squared_}, inverse_, kept, own[p]);
-      }
-      VARIMESH_UNROLLED for (int turn = 0; turn < kTurnsNow; ++turn) {
-        double stress_there[d * d];
-        share<parts>(own, turn, stress_there);
-        const double* rows = table_ + (group * kTurnsNow + turn) * kRow;
-        for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-            VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-              const double derivative = rows[(part(p) * d + k) * kNodes + n];
-              VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-                sums[p][n][i] = __builtin_fma(stress_there[i * d + k], derivative, sums[p][n][i]);
-              }
-            }
+    for (int height = 0; height < columns_.heights(); ++height) {
+      columns_.raise(height, position());
+      columns_.begin_sums();
+      VARIMESH_NOT_UNROLLED
+      for (int group = 0; group < columns_.groups(); ++group) {
+        double own[kHereNow][d * d] = {};
+        columns_.derive(group, own);
+        forget_loads();
+        for (int p = 0; p < kHereNow; ++p) {
+          const Point at = point(height, group, p);
+          double inverse[d * d];
+          const Matrix<Real, d> F = deformation(at.slot, own[p], inverse);
+          float* kept = nullptr;
+          if (keeps && at.counts) {
+            write_steps<d>(F, middle, step, a_.deformation + at_slot(at.slot, d * d));
+            kept = a_.linearisation + at_slot(at.slot, KeptPartials<E>::kEntries);
           }
+          const Real w = Real{slope} * (Real{a_.weights[at.slot]} * Real{measure_at(at.slot)});
+          stress_at<keeps, d>(energy_, F, w, Real{delta_squared_}, inverse, kept, own[p]);
+          VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { own[p][i] = at.counts ? own[p][i] : 0.0; }
+        }
+        columns_.add(group, own);
       }
+      columns_.lower(height);
     }
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        const int node = part(p) * kNodes + n;
-        if (node < nodes)
-          write_gradient<d>(
-              sums[p][n], left_factor(),
-              a_.contributions +
-                  ((static_cast<std::int64_t>(place_.batch) * nodes + node) * kBatch + place_.lane) * (2 * d));
-      }
+    columns_.for_nodes([&](int node, const double(&sum)[d]) __attribute__((always_inline)) {
+      write_gradient<d>(
+          sum, left_factor(),
+          a_.contributions +
+              ((static_cast<std::int64_t>(place_.batch) * kind.nodes() + node) * kBatch + place_.lane) * (2 * d));
+    });
   }
 
  private:
-  HWY_INLINE int part(int p) const { return place_.first + p; }
+  struct Sum {
+    HWY_INLINE double operator()(double a, double b) const { return a + b; }
+  };
+  struct Smaller {
+    HWY_INLINE double operator()(double a, double b) const { return b < a ? b : a; }
+  };
+  struct Greater {
+    HWY_INLINE double operator()(double a, double b) const { return b > a ? b : a; }
+  };
   /// The point that a part has in a group.
-  HWY_INLINE int point(int group, int p) const { return group * kTurnsNow + part(p) % kTurnsNow; }
-  HWY_INLINE double weight_of(int group, int p) const { return a_.weights[point(group, p)]; }
-  /// The same for sums over all parts: 0 for those that repeat what others do.
-  HWY_INLINE double weight(int group, int p) const { return part(p) < kTurnsNow ? weight_of(group, p) : 0.0; }
-  HWY_INLINE double of_cell(const double* numbers, int size, int i) const {
-    return numbers[(static_cast<std::int64_t>(place_.batch) * size + i) * kBatch + place_.lane];
+  struct Point {
+    int p, slot;
+    bool counts;  ///< False: it has none, and the slot is another's.
+  };
+  HWY_INLINE Point point(int height, int group, int p) const {
+    return {p, columns_.slot(height, group, p), columns_.has_point(group, p)};
   }
-
-  /// Adds what the nodes of a part contribute to G at a row of the table.
-  HWY_INLINE void add_gradient(int row, int p, double (&G)[d * d]) const {
-    const double* derivatives = table_ + row * kRow + part(p) * d * kNodes;
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { G[i] = 0; }
-    VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-      VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-        const double derivative = derivatives[k * kNodes + n];
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-          G[i * d + k] = __builtin_fma(x_[p][n][i], derivative, G[i * d + k]);
+  /// Calls use(point, F) for all points.
+  template <class Use>
+  HWY_INLINE void for_points(const Use& use) {
+    VARIMESH_NOT_UNROLLED
+    for (int height = 0; height < columns_.heights(); ++height) {
+      columns_.raise(height, position());
+      VARIMESH_NOT_UNROLLED
+      for (int group = 0; group < columns_.groups(); ++group) {
+        double own[kHereNow][d * d] = {};
+        columns_.derive(group, own);
+        forget_loads();
+        for (int p = 0; p < kHereNow; ++p) {
+          const Point at = point(height, group, p);
+          double inverse[d * d];
+          const Matrix<Real, d> F = deformation(at.slot, own[p], inverse);
+          use(at, F);
         }
       }
     }
   }
 
-  /// G of each part's own point of a group.
-  HWY_INLINE void gradients(int group, double (&own)[kHereNow][d * d]) const {
-    double sums[kHereNow][kTurnsNow][d * d];
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int turn = 0; turn < kTurnsNow; ++turn) {
-        add_gradient(group * kTurnsNow + turn, p, sums[p][turn]);
-      }
-    take_turns<parts>(sums, place_.first, own);
-  }
+  struct Position {
+    const Arguments& a;
+    const Place<parts>& place;
+    HWY_INLINE void operator()(int node, double (&x)[d]) const {
+      const auto number = static_cast<std::int64_t>(
+          a.cell_nodes[(static_cast<std::int64_t>(place.batch) * kind.nodes() + node) * kBatch + place.lane]);
+      VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { x[i] = a.positions[number * d + i]; }
+    }
+  };
+  HWY_INLINE Position position() const { return {a_, place_}; }
 
+  HWY_INLINE double of_cell(const double* numbers, int size, int i) const {
+    return numbers[(static_cast<std::int64_t>(place_.batch) * size + i) * kBatch + place_.lane];
+  }
+  /// Of an array with an entry of `size` numbers per cell if the targets are constant in each, else per point.
+  HWY_INLINE const double* of_target(const double* numbers, int slot, int size) const {
+    const bool is_one = kOneTarget || a_.affine;
+    const std::int64_t entry = static_cast<std::int64_t>(place_.batch) * (is_one ? 1 : a_.points) + (is_one ? 0 : slot);
+    return numbers + entry * size * kBatch + place_.lane;
+  }
+  HWY_INLINE void load_inverse(int slot, double (&inverse)[d * d]) const {
+    const double* from = of_target(a_.inverse_target, slot, d * d);
+    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { inverse[i] = from[i * kBatch]; }
+  }
+  HWY_INLINE double measure_at(int slot) const { return *of_target(a_.measure, slot, 1); }
   HWY_INLINE const double* left_factor() const {
     return a_.left_factor == nullptr
                ? nullptr
                : a_.left_factor + static_cast<std::int64_t>(place_.batch) * d * d * kBatch + place_.lane;
   }
-  HWY_INLINE Matrix<Real, d> deformation(const double (&G)[d * d]) const {
-    return deformation_at<d>(G, inverse_, left_factor());
+  /// F at a point, and A⁻¹.
+  HWY_INLINE Matrix<Real, d> deformation(int slot, const double (&G)[d * d], double (&inverse)[d * d]) const {
+    load_inverse(slot, inverse);
+    return deformation_at<d>(G, inverse, left_factor());
+  }
+  /// Where the numbers of a point begin in an array of `size` numbers per point.
+  HWY_INLINE std::int64_t at_slot(int slot, int size) const {
+    return (static_cast<std::int64_t>(place_.batch) * a_.points + slot) * size * kBatch + place_.lane;
   }
 
-  /// Whether a part writes what is kept of its point: no other part does, and the point is none of the padding.
-  HWY_INLINE bool writes(int group, int p) const { return part(p) < kTurnsNow && point(group, p) < a_.points; }
-  /// Where the numbers of a part's point begin in an array of `size` numbers per point.
-  HWY_INLINE std::int64_t at_point(int group, int p, int size) const {
-    return (static_cast<std::int64_t>(place_.batch) * a_.points + point(group, p)) * size * kBatch + place_.lane;
-  }
-
-  /// Keeps the mean of F and the step of its differences from it.
-  HWY_INLINE void keep_range(float (&middle)[d * d], float& step) const {
-    double G[d * d][kHereNow];
-    for (int p = 0; p < kHereNow; ++p) {
-      double mean[d * d];
-      add_gradient(groups_ * kTurnsNow, p, mean);
-      VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { G[i][p] = mean[i]; }
-    }
-    double of_points[d * d];
+  /// Keeps the mean of F and the step of its differences from it. The largest difference is that of the largest or of
+  /// the smallest entry, because rounding keeps the order.
+  HWY_INLINE void keep_range(float (&middle)[d * d], float& step) {
+    double sum[d * d][kHereNow], least[d * d][kHereNow], most[d * d][kHereNow];
     VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
-      over_parts<parts>(G[i], [](double a, double b) { return a + b; });
-      of_points[i] = G[i][0];
-    }
-    const Matrix<Real, d> mean = deformation(of_points);
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { middle[i] = static_cast<float>(mean[i / d][i % d].value); }
-    double largest[kHereNow];
-    for (int p = 0; p < kHereNow; ++p) largest[p] = 0;
-    VARIMESH_NOT_UNROLLED
-    for (int group = 0; group < groups_; ++group) {
-      double own[kHereNow][d * d];
-      gradients(group, own);
       for (int p = 0; p < kHereNow; ++p) {
-        const Matrix<Real, d> F = deformation(own[p]);
-        VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
-          const double difference = __builtin_fabs(F[i / d][i % d].value - static_cast<double>(middle[i]));
-          largest[p] = difference > largest[p] ? difference : largest[p];
-        }
+        sum[i][p] = 0;
+        least[i][p] = std::numeric_limits<double>::infinity();
+        most[i][p] = -least[i][p];
       }
     }
-    over_parts<parts>(largest, [](double a, double b) { return b > a ? b : a; });
-    step = step_of(largest[0]);
+    for_points([&](const Point& at, const Matrix<Real, d>& F) __attribute__((always_inline)) {
+      VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
+        const double entry = F[i / d][i % d].value;
+        sum[i][at.p] = at.counts ? sum[i][at.p] + entry : sum[i][at.p];
+        least[i][at.p] = at.counts && entry < least[i][at.p] ? entry : least[i][at.p];
+        most[i][at.p] = at.counts && entry > most[i][at.p] ? entry : most[i][at.p];
+      }
+    });
+    double largest = 0;
+    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
+      over_parts<parts>(sum[i], Sum());
+      over_parts<parts>(least[i], Smaller());
+      over_parts<parts>(most[i], Greater());
+      middle[i] = static_cast<float>(sum[i][0] / a_.points);
+      const auto mean = static_cast<double>(middle[i]);
+      const double above = most[i][0] - mean, below = mean - least[i][0];
+      largest = above > largest ? above : largest;
+      largest = below > largest ? below : largest;
+    }
+    step = step_of(largest);
     if (place_.first != 0) return;
     float* to = a_.mean + static_cast<std::int64_t>(place_.batch) * (d * d + 1) * kBatch + place_.lane;
     VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { to[i * kBatch] = middle[i]; }
@@ -215,13 +223,10 @@ class CellOnDevice {
   }
 
   const Arguments& a_;
-  const double* table_;
   const Place<parts> place_;
   const E energy_;
-  const int groups_;
-  double x_[kHereNow][kNodes][d];
-  double inverse_[d * d];
-  double measure_, delta_squared_;
+  Cells columns_;
+  double delta_squared_;
 };
 
 }  // namespace HWY_NAMESPACE

@@ -99,17 +99,19 @@ HWY_INLINE void over_parts(T (&values)[kHere<parts>], const Add& add) {
   }
 }
 
-/// Adds up what all parts have for each of kTurns<parts> points, and gives each part the sums of its own point, which
-/// is point part % kTurns<parts>. In each step of the tree a part gives away half of the points it still has.
+/// Adds up what all parts have for each of kTurns<parts> points, and gives each part the sums of point part %
+/// kTurns<parts>. In each step of the tree after the first ones a part gives away half of the points it still has.
 template <int parts, int count, class T>
 HWY_INLINE void take_turns(T (&sums)[kHere<parts>][kTurns<parts>][count], int part, T (&own)[kHere<parts>][count]) {
   constexpr int kPoints = kTurns<parts>;
 #ifdef __CUDA_ARCH__
-  if constexpr (parts > kPoints) VARIMESH_UNROLLED for (int point = 0; point < kPoints; ++point) {
+  VARIMESH_UNROLLED for (int mask = parts / 2; mask >= kPoints; mask /= 2) {
+    VARIMESH_UNROLLED for (int point = 0; point < kPoints; ++point) {
       VARIMESH_UNROLLED for (int i = 0; i < count; ++i) {
-        sums[0][point][i] = sums[0][point][i] + other(sums[0][point][i], parts / 2);
+        sums[0][point][i] = sums[0][point][i] + other(sums[0][point][i], mask);
       }
     }
+  }
   if constexpr (kPoints == 4) VARIMESH_UNROLLED for (int point = 0; point < 2; ++point) {
       VARIMESH_UNROLLED for (int i = 0; i < count; ++i) {
         const bool upper = (part & 2) != 0;
@@ -130,15 +132,16 @@ HWY_INLINE void take_turns(T (&sums)[kHere<parts>][kTurns<parts>][count], int pa
   }
 #else
   static_cast<void>(part);
-  static_assert(parts <= 8);
-  for (int p = 0; p < parts; ++p)
+  for (int point = 0; point < kPoints; ++point)
     for (int i = 0; i < count; ++i) {
-      const int point = p % kPoints;
-      const auto first = [&](int q) {  // what part q has after the first step
-        return parts > kPoints ? sums[q][point][i] + sums[q ^ (parts / 2)][point][i] : sums[q][point][i];
-      };
-      const auto second = [&](int q) { return kPoints == 4 ? first(q) + first(q ^ 2) : first(q); };
-      own[p][i] = kPoints == 1 ? second(p) : second(p) + second(p ^ 1);
+      T now[parts];
+      for (int p = 0; p < parts; ++p) now[p] = sums[p][point][i];
+      for (int mask = parts / 2; mask > 0; mask /= 2) {
+        T before[parts];
+        for (int p = 0; p < parts; ++p) before[p] = now[p];
+        for (int p = 0; p < parts; ++p) now[p] = before[p] + before[p ^ mask];
+      }
+      for (int p = point; p < parts; p += kPoints) own[p][i] = now[p];
     }
 #endif
 }

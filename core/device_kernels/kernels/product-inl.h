@@ -10,7 +10,7 @@
 #endif
 
 #include "core/device_kernels/kernels/arguments.h"
-#include "core/device_kernels/kernels/parts-inl.h"
+#include "core/device_kernels/kernels/columns-inl.h"
 #include "core/kernels/hessian/kept_points-inl.h"
 #include "core/kernels/hessian/stress_change-inl.h"
 
@@ -18,107 +18,100 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// One cell, with its nodes split into `parts`. `table`: ProductArguments::derivatives.
-template <class E, int d, int nodes, int parts>
+/// One cell, split into `parts`. Simplices have one target each, all other cells one at each point.
+template <class E, CellKind kind, int parts>
 class ProductOnDevice {
   using Arguments = device::ProductArguments;
-  static constexpr int kHereNow = kHere<parts>, kTurnsNow = kTurns<parts>;
+  static constexpr int d = kind.dimension, kHereNow = kHere<parts>;
+  static constexpr bool kOneTarget = !kind.is_layered();
 
  public:
-  static constexpr int kNodes = (nodes + parts - 1) / parts;
-  static constexpr int kRow = parts * d * kNodes;
+  using Cells = Columns<float, kind, parts>;
 
+  /// @param table  ProductArguments::tables.derivatives, or a copy
   HWY_INLINE ProductOnDevice(const Arguments& arguments, const float* table, Place<parts> place)
       : a_(arguments),
-        table_(table),
         place_(place),
         energy_(arguments.material),
         kept_(of_batch(a_.linearisation, static_cast<std::int64_t>(a_.points) * KeptPartials<E>::kEntries),
               KeptPartials<E>::kEntries, of_batch(a_.deformation, static_cast<std::int64_t>(a_.points) * d * d),
-              of_batch(a_.mean, d * d + 1), place.lane) {
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
-      inverse_.at[i / d][i % d] =
-          Floats{static_cast<float>(of_batch(a_.inverse_target, d * d)[i * kBatch + place_.lane])};
-    }
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        const float* from =
-            a_.direction + static_cast<std::int64_t>(of_batch(a_.ranks, nodes)[node(p, n) * kBatch + place_.lane]) * d;
-        float u[d];
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { u[i] = from[i]; }
-        times_left_factor(u, u_[p][n]);
-      }
+              of_batch(a_.mean, d * d + 1), place.lane),
+        columns_(arguments.tables, table, place.first) {
+    columns_.begin(direction());
+    if constexpr (kOneTarget) inverse_ = inverse_target(0);
   }
 
   /// Writes the cell's contributions.
   HWY_INLINE void multiply() {
-    float sums[kHereNow][kNodes][d];
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { sums[p][n][i] = 0; }
-      }
+    columns_.clear();
     VARIMESH_NOT_UNROLLED
-    for (int first = 0; first < a_.points; first += kTurnsNow) {
-      float changes[kHereNow][kTurnsNow][d * d], own[kHereNow][d * d];
-      for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int turn = 0; turn < kTurnsNow; ++turn) {
-          add_gradient(first + turn, p, changes[p][turn]);
-        }
-      take_turns<parts>(changes, place_.first, own);
-      forget_loads();
-      for (int p = 0; p < kHereNow; ++p) change_stress(first + part(p) % kTurnsNow, own[p]);
-      VARIMESH_UNROLLED for (int turn = 0; turn < kTurnsNow; ++turn) {
-        float stress[d * d];
-        share<parts>(own, turn, stress);
-        const float* row = table_ + (first + turn) * kRow;
-        for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-            VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-              const float derivative = row[(part(p) * d + k) * kNodes + n];
-              VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-                sums[p][n][i] = __builtin_fmaf(stress[i * d + k], derivative, sums[p][n][i]);
-              }
-            }
-          }
+    for (int height = 0; height < columns_.heights(); ++height) {
+      columns_.raise(height, direction());
+      columns_.begin_sums();
+      VARIMESH_NOT_UNROLLED
+      for (int group = 0; group < columns_.groups(); ++group) {
+        float own[kHereNow][d * d] = {};
+        columns_.derive(group, own);
+        forget_loads();
+        for (int p = 0; p < kHereNow; ++p)
+          change_stress(columns_.slot(height, group, p), columns_.has_point(group, p), own[p]);
+        columns_.add(group, own);
       }
+      columns_.lower(height);
     }
-    for (int p = 0; p < kHereNow; ++p) VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-        if (part(p) * kNodes + n >= nodes) continue;
-        float* to = a_.contributions +
-                    ((static_cast<std::int64_t>(place_.batch) * nodes + node(p, n)) * kBatch + place_.lane) * d;
-        float turned[d];
-        times_left_factor(sums[p][n], turned);
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { to[i] = turned[i]; }
-      }
+    columns_.for_nodes([&](int node, const float(&sum)[d]) __attribute__((always_inline)) {
+      float* to = a_.contributions +
+                  ((static_cast<std::int64_t>(place_.batch) * kind.nodes() + node) * kBatch + place_.lane) * d;
+      float turned[d];
+      times_left_factor(sum, turned);
+      VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { to[i] = turned[i]; }
+    });
   }
 
  private:
-  HWY_INLINE int part(int p) const { return place_.first + p; }
-  /// The last node stands for those that a part lacks; their derivatives are 0.
-  HWY_INLINE int node(int p, int n) const { return part(p) * kNodes + n < nodes ? part(p) * kNodes + n : nodes - 1; }
   template <class T>
   HWY_INLINE const T* of_batch(const T* numbers, std::int64_t size) const {
     return numbers + place_.batch * size * kBatch;
   }
 
-  HWY_INLINE void add_gradient(int row, int p, float (&dG)[d * d]) const {
-    const float* derivatives = table_ + row * kRow + part(p) * d * kNodes;
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { dG[i] = 0; }
-    VARIMESH_UNROLLED for (int n = 0; n < kNodes; ++n) {
-      VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-        const float derivative = derivatives[k * kNodes + n];
-        VARIMESH_UNROLLED for (int i = 0; i < d; ++i) {
-          dG[i * d + k] = __builtin_fmaf(u_[p][n][i], derivative, dG[i * d + k]);
-        }
-      }
+  /// Loads L times the direction.
+  struct Direction {
+    const ProductOnDevice& cell;
+    HWY_INLINE void operator()(int node, float (&x)[d]) const {
+      const float* from =
+          cell.a_.direction +
+          static_cast<std::int64_t>(cell.of_batch(cell.a_.ranks, kind.nodes())[node * kBatch + cell.place_.lane]) * d;
+      float u[d];
+      VARIMESH_UNROLLED for (int i = 0; i < d; ++i) { u[i] = from[i]; }
+      cell.times_left_factor(u, x);
     }
+  };
+  HWY_INLINE Direction direction() const { return {*this}; }
+
+  /// A⁻¹ in single precision.
+  HWY_INLINE FloatMatrix<d> inverse_target(int slot) const {
+    const bool is_one = kOneTarget || a_.affine;
+    const double* from = of_batch(a_.inverse_target, static_cast<std::int64_t>(is_one ? 1 : a_.points) * (d * d)) +
+                         (static_cast<std::int64_t>(is_one ? 0 : slot) * (d * d)) * kBatch + place_.lane;
+    FloatMatrix<d> inverse;
+    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) {
+      inverse.at[i / d][i % d] = Floats{static_cast<float>(from[i * kBatch])};
+    }
+    return inverse;
   }
 
-  /// Replaces dG by w dP A⁻ᵀ. In the padding dG is 0, and any point will do.
-  HWY_INLINE void change_stress(int point, float (&numbers)[d * d]) const {
-    const int slot = point < a_.points ? point : a_.points - 1;
-    FloatMatrix<d> dG;
+  /// Replaces dG by w dP A⁻ᵀ, or by 0 if it is that of no point.
+  HWY_INLINE void change_stress(int slot, bool counts, float (&numbers)[d * d]) const {
+    FloatMatrix<d> dG, inverse;
+    if constexpr (kOneTarget)
+      inverse = inverse_;
+    else
+      inverse = inverse_target(slot);
     VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { dG.at[i / d][i % d] = Floats{numbers[i]}; }
     const FloatMatrix<d> out =
-        stress_change(energy_, kept_.deformation(slot), kept_.partials(slot), dG.template times<false>(inverse_))
-            .template times<true>(inverse_);
-    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { numbers[i] = out.at[i / d][i % d].value; }
+        stress_change(energy_, kept_.deformation(slot), kept_.partials(slot), dG.template times<false>(inverse))
+            .template times<true>(inverse);
+    VARIMESH_UNROLLED for (int i = 0; i < d * d; ++i) { numbers[i] = counts ? out.at[i / d][i % d].value : 0.0F; }
   }
 
   /// L is symmetric, so it is right for a direction and for the result.
@@ -135,12 +128,11 @@ class ProductOnDevice {
   }
 
   const Arguments& a_;
-  const float* table_;
   const Place<parts> place_;
   const E energy_;
   const KeptPoints<d> kept_;
+  Cells columns_;
   FloatMatrix<d> inverse_;
-  float u_[kHereNow][kNodes][d];
 };
 
 /// The product of a node: the sum of its cells' contributions in their order. Returns its part of direction · product.

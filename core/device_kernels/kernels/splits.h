@@ -1,30 +1,71 @@
-// Into how many parts each kernel splits a cell.
+// Which cells have kernels that keep them in registers, and into how many parts each kernel splits a cell.
 //
-// A thread has 255 registers, and keeps in them what belongs to its nodes: 2 d for each node of the energy (positions
-// in double precision), 4 d for each of the gradient (positions and sums), 2 d for each of the product (both in single
-// precision). More parts need fewer registers and more exchange.
+// The nodes of a cell stand in columns. A simplex has one node in each. A quadrilateral, a hexahedron or a prism is a
+// line, a quadrilateral or a triangle times a line: each node of the base has a column above it. Derivatives are then
+// taken in two steps, along the columns and in the base: on a hexahedron of order 4 with an eighth of the
+// multiplications.
+//
+// The columns are split among the threads of a cell. A thread has 255 registers, and keeps in them what belongs to its
+// columns. More parts need fewer registers and more exchange.
 #pragma once
 
 namespace varimesh::device {
 
+/// A shape and an order, as the kernels see them.
+struct CellKind {
+  int dimension = 0;
+  int columns = 0;
+  int layers = 1;  ///< Nodes of a column.
+
+  constexpr int nodes() const { return columns * layers; }
+  constexpr bool is_layered() const { return layers > 1; }
+};
+
+/// Tells kinds from each other.
+constexpr int number_of(CellKind kind) { return (kind.dimension * 10 + kind.layers) * 100 + kind.columns; }
+
+/// The kinds of cells that have kernels of their own, as kinds::tetrahedra_4.
+namespace kinds {
+#define KIND(shape, name, order, dimension, columns, layers) \
+  inline constexpr CellKind name##_##order{dimension, columns, layers};
+#include "core/device_kernels/kernels/cell_kinds.h"
+}  // namespace kinds
+
 enum class CellKernel { Energy, Gradient, Product };
 
-constexpr int parts_for(int nodes, int most_per_part, int least_parts) {
-  int parts = least_parts;
-  while ((nodes + parts - 1) / parts > most_per_part) parts *= 2;
+/// The most parts: a batch has sixteen cells, and a warp of threads two of them.
+inline constexpr int kMostParts = 16;
+
+/// Points that are worked on at once, one by each of so many parts.
+constexpr int turns_of(int parts) { return parts < 4 ? parts : 4; }
+
+constexpr int columns_of_part(CellKind kind, int parts) { return (kind.columns + parts - 1) / parts; }
+
+/// Registers of 32 bits that a part needs for its columns from one point to the next. Columns of one node: the node's
+/// vector and its sum. Others: value and slope at one height, their sums, and the sums of the nodes.
+constexpr int registers_of(CellKernel kernel, CellKind kind, int parts) {
+  const int ups = kind.is_layered() ? 2 : 1, downs = kind.is_layered() ? 2 + kind.layers : 1;
+  const int vectors = kernel == CellKernel::Energy ? ups : ups + downs;
+  return vectors * columns_of_part(kind, parts) * kind.dimension * (kernel == CellKernel::Product ? 1 : 2);
+}
+
+/// A power of two. Tetrahedra: nodes per part that were measured on a card. All others: as few parts as fit into the
+/// registers, of which the work at a point needs the rest; NVIDIA's assembler then spills none.
+constexpr int parts_of(CellKernel kernel, CellKind kind) {
+  const bool is_tetrahedron = kind.dimension == 3 && !kind.is_layered();
+  const int most_columns = !is_tetrahedron                  ? kind.columns
+                           : kernel == CellKernel::Energy   ? 18
+                           : kernel == CellKernel::Gradient ? 9
+                                                            : 10;
+  const int most_registers = kernel == CellKernel::Product ? 85 : 125;
+  int parts = is_tetrahedron && kernel == CellKernel::Gradient ? 2 : 1;
+  while (parts < kMostParts &&
+         (columns_of_part(kind, parts) > most_columns || registers_of(kernel, kind, parts) > most_registers))
+    parts *= 2;
   return parts;
 }
 
-/// A power of two up to 8.
-constexpr int parts_of(CellKernel kernel, int nodes) {
-  if (kernel == CellKernel::Gradient) return parts_for(nodes, 10, 2);
-  return parts_for(nodes, kernel == CellKernel::Energy ? 18 : 10, 1);
-}
-
-/// Points that are worked on at once, one by each part. Parts past them repeat what others do.
-constexpr int turns_of(int parts) { return parts < 4 ? parts : 4; }
-
-/// Points of a table: those of the rule, and as many more as a turn needs.
+/// Rows of a table for so many points: as many more as a turn needs.
 constexpr int padded_points(int points, int parts) {
   return (points + turns_of(parts) - 1) / turns_of(parts) * turns_of(parts);
 }

@@ -21,11 +21,14 @@
 #include <cstring>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 
 #include "core/device_kernels/cell_modules.h"
+#include "core/device_kernels/cpu/modules.h"
+#include "tests/core/energy/materials.h"
 
 namespace {
 
@@ -72,19 +75,32 @@ bool is_allocated(std::uint64_t address, std::size_t bytes) {
   return address - first + bytes <= size;
 }
 
+/// The number that a module of this text has by this name.
+std::optional<int> mark(std::string_view text, std::string_view name) {
+  const std::string wanted = std::string(name) + " = ";
+  const auto at = text.find(wanted);
+  if (at == std::string_view::npos) return std::nullopt;
+  return std::atoi(text.data() + at + wanted.size());
+}
+
 /// The processor's kernels for a module of this text.
 std::span<const CpuKernel> kernels_of(std::string_view text) {
-  constexpr std::string_view kMark = "cell_nodes = ", kSolverMark = "solver_dimension = ";
-  if (const auto at = text.find(kSolverMark); at != std::string_view::npos)
-    return varimesh::device::solver_kernels(std::atoi(text.data() + at + kSolverMark.size())).cpu;
-  const auto at = text.find(kMark);
-  if (at == std::string_view::npos) return card.kernels;
-  const int nodes = std::atoi(text.data() + at + kMark.size());
+  namespace device = varimesh::device;
+  if (const auto dimension = mark(text, "solver_dimension")) return device::solver_kernels(*dimension).cpu;
+  if (const auto dimension = mark(text, "any_cells")) {
+    for (const varimesh::NamedMaterial& one : varimesh::every_material())
+      if (device::energy_number(*dimension, one.material) == mark(text, "energy_number"))
+        return device::general_kernels(*dimension, one.material).cpu;
+    return {};
+  }
+  const auto kind = mark(text, "cell_kind");
+  if (!kind) return card.kernels;
   const varimesh::Material material = varimesh::material(varimesh::Options{});
-  if (nodes < 0) return varimesh::device::general_kernels(-nodes, material).cpu;
-  for (int order = 2; order <= 5; ++order)
-    if ((order + 1) * (order + 2) * (order + 3) / 6 == nodes)
-      return varimesh::device::cell_kernels(varimesh::Shape::Tetrahedron, order, material)->cpu;
+  for (int shape = 0; shape < varimesh::kShapes; ++shape)
+    for (int order = 1; order <= varimesh::kMaxOrder; ++order)
+      if (const auto module = device::cell_kernels(static_cast<varimesh::Shape>(shape), order, material);
+          module && device::number_of(module->kind) == *kind)
+        return module->image.cpu;
   return {};
 }
 

@@ -10,6 +10,8 @@
 #include "core/device_kernels/cell_modules.h"
 #include "core/device_kernels/cells_on_device.h"
 #include "core/device_kernels/self_check.h"
+#include "tests/core/device/fake_card.h"
+#include "tests/core/energy/materials.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -24,28 +26,25 @@ class CellsOnACard : public ::testing::Test {
     for (CellSet& set : problem_.sets) set.delta_squared.assign(static_cast<std::size_t>(set.count), 0.25);
   }
   void SetUp() override {
-    if (cell_kernels(Shape::Tetrahedron, 3, material_)->packed.empty())
+    if (cell_kernels(Shape::Tetrahedron, 3, material_)->image.packed.empty())
       GTEST_SKIP() << "this build has no kernels for a card, because there was no clang";
   }
   void TearDown() override { unsetenv("FAKE_CUDA"); }
 
   std::unique_ptr<Device> card(const char* state) {
-    setenv("FAKE_CUDA", state, 1);
-    auto driver = Driver::open(FAKE_DRIVER);
-    EXPECT_TRUE(driver);
-    auto card = driver->use();
+    auto card = testing::fake_card(state);
     EXPECT_TRUE(card);
     return std::move(*card);
   }
   Possible<std::vector<double>> gradient(Device& device) {
     const auto cells = CellsOnDevice::make(device, problem_, material_);
     if (!cells) return tl::unexpected(cells.error());
-    std::vector<double> gradient(problem_.free.size() * 3, 7);
+    std::vector<double> gradient(problem_.free.size() * static_cast<std::size_t>(problem_.dimension), 7);
     if (const auto done = (*cells)->linearise(gradient); !done) return tl::unexpected(done.error());
     return gradient;
   }
 
-  const Material material_ = material(Options{});
+  Material material_ = material(Options{});
   HighOrderMesh mesh_;
   Problem problem_;
 };
@@ -81,14 +80,21 @@ TEST_F(CellsOnACard, FailWithASentenceAndLeaveTheProblemWhole) {
   }
 }
 
-TEST_F(CellsOnACard, NeedKernels) {
-  // Of this energy there are none for cards.
-  Options options;
-  options.energy = Energy::Winslow;
-  const auto none = CellsOnDevice::make(*card(""), problem_, material(options));
-  ASSERT_FALSE(none);
-  EXPECT_EQ(none.error().kind, Fault::Kind::NoKernels);
-  EXPECT_EQ(none.error().sentence, "A card has kernels of the hyperelastic energy only.");
+TEST_F(CellsOnACard, AreThoseOfTheProcessorForEveryEnergy) {
+  for (const int dimension : {2, 3}) {
+    mesh_ = dimension == 2 ? testing::grid(testing::Filling::Quadrilaterals, {3, 2, 1}, 2, testing::bent(2))
+                           : testing::grid(testing::Filling::Tetrahedra, {2, 1, 1}, 2, testing::bent(3));
+    problem_ = testing::make_problem(mesh_);
+    for (const NamedMaterial& one : every_material()) {
+      SCOPED_TRACE(one.name);
+      material_ = one.material;
+      EXPECT_FALSE(general_kernels(dimension, material_).packed.empty());
+      const auto device = card(""), cpu = make_cpu_device();
+      const auto ours = gradient(*device), theirs = gradient(*cpu);
+      ASSERT_TRUE(ours) << ours.error().sentence;
+      EXPECT_EQ(*ours, *theirs);
+    }
+  }
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "core/device/cpu_device.h"
 #include "core/device_kernels/cells_on_device.h"
+#include "core/device_kernels/split_cells.h"
 #include "core/kernels/node_star.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/target_field.h"
@@ -31,21 +32,22 @@ std::string name_of(const Case& one) {
 }
 void PrintTo(const Case& one, std::ostream* out) { *out << name_of(one); }
 
-/// Tetrahedra of orders 2 to 5 have kernels of their own, all other cells share theirs.
+/// With the hyperelastic energy, simplices of orders 2 to 5 and quadrilaterals, prisms and hexahedra of orders 2 to 4
+/// have kernels of their own. All others share theirs.
 std::vector<Case> every_case() {
   using enum testing::Filling;
   std::vector<Case> cases;
   for (const NamedMaterial& material : every_material()) {
-    for (const int order : {2, 3, 4, 5}) cases.push_back({material, Tetrahedra, order});
+    for (const int order : {2, 3}) cases.push_back({material, Tetrahedra, order});
     for (const auto filling : {Quadrilaterals, Triangles, MixedPlane, Hexahedra, Prisms, Pyramids, MixedSolid})
       for (const int order : {2, 3})
         if (filling != Pyramids || order == 2) cases.push_back({material, filling, order});
   }
   const NamedMaterial hyperelastic = every_material().front();
-  cases.push_back({hyperelastic, Tetrahedra, 6});
+  for (const int order : {4, 5, 6})
+    for (const auto filling : {Tetrahedra, Triangles}) cases.push_back({hyperelastic, filling, order});
+  for (const auto filling : {Quadrilaterals, Prisms, Hexahedra}) cases.push_back({hyperelastic, filling, 4});
   cases.push_back({hyperelastic, Triangles, 8});
-  cases.push_back({hyperelastic, Hexahedra, 4});
-  cases.push_back({hyperelastic, Prisms, 4});
   return cases;
 }
 
@@ -57,13 +59,13 @@ struct Treatment {
   double shake;  ///< How far nodes are moved at random, times the order cubed.
   double delta;  ///< δ² of every cell.
   Metric metric;
-  double norm;  ///< p of the p-norm.
+  double norm;   ///< p of the p-norm.
+  int more = 0;  ///< By how much the degree of the quadrature is above 2 P.
 };
-constexpr Treatment kTreatments[] = {{"valid", 0.15, 0, Metric::None, 1},
-                                     {"tangled", 2, 0.25, Metric::None, 1},
-                                     {"metric", 0.15, 0, Metric::OfCells, 1},
-                                     {"varying metric", 0.15, 0, Metric::Varies, 1},
-                                     {"norm", 0.15, 0, Metric::None, 3}};
+constexpr Treatment kTreatments[] = {
+    {"valid", 0.15, 0, Metric::None, 1},     {"tangled", 2, 0.25, Metric::None, 1},
+    {"metric", 0.15, 0, Metric::OfCells, 1}, {"varying metric", 0.15, 0, Metric::Varies, 1},
+    {"norm", 0.15, 0, Metric::None, 3},      {"more points", 0.15, 0, Metric::None, 1, 3}};
 
 class DeviceCells : public ::testing::TestWithParam<Case> {
  protected:
@@ -72,7 +74,7 @@ class DeviceCells : public ::testing::TestWithParam<Case> {
     const auto& [material, filling, order] = GetParam();
     HighOrderMesh mesh = testing::grid(filling, counts, order, testing::bent(testing::is_plane(filling) ? 2 : 3));
     testing::shake(mesh, treatment.shake / std::pow(std::max(order, 2), 3), 7);
-    problem_ = testing::make_problem(mesh);
+    problem_ = testing::make_problem(mesh, treatment.more == 0 ? 0 : 2 * order + treatment.more);
     if (treatment.metric != Metric::None) set_metric(mesh, treatment.metric);
     for (CellSet& set : problem_.sets) {
       set.delta_squared.assign(static_cast<std::size_t>(set.count), treatment.delta);
@@ -244,6 +246,31 @@ TEST_P(DeviceCells, KeepsWhatTheVectorisedKernelsKeep) {
     linearise(batches[s]);
     compare(batches[s], *(*cells)->sets()[s]);
   }
+}
+
+TEST(SplitCells, AreTakenWhereThereAreKernels) {
+  using enum testing::Filling;
+  const Material hyperelastic = every_material().front().material, winslow = every_material().back().material;
+  const auto cpu = device::make_cpu_device();
+  const auto has_own = [&](testing::Filling filling, int order, const Material& material, int degree) {
+    const HighOrderMesh mesh =
+        testing::grid(filling, {2, 1, 1}, order, testing::bent(testing::is_plane(filling) ? 2 : 3));
+    Problem problem = testing::make_problem(mesh, degree);
+    for (CellSet& set : problem.sets) set.delta_squared.assign(static_cast<std::size_t>(set.count), 0.25);
+    const auto cells = CellsOnDevice::make(*cpu, problem, material);
+    EXPECT_TRUE(cells);
+    return dynamic_cast<const device::SplitCells*>((*cells)->sets().front().get()) != nullptr;
+  };
+  for (const auto filling : {Triangles, Tetrahedra, Quadrilaterals, Prisms, Hexahedra})
+    for (const int order : {2, 3, 4}) {
+      EXPECT_TRUE(has_own(filling, order, hyperelastic, 0));
+      EXPECT_TRUE(has_own(filling, order, hyperelastic, 2 * order + 3)) << "more points";
+      EXPECT_FALSE(has_own(filling, order, winslow, 0));
+    }
+  EXPECT_TRUE(has_own(Triangles, 5, hyperelastic, 0));
+  EXPECT_TRUE(has_own(Tetrahedra, 5, hyperelastic, 0));
+  EXPECT_FALSE(has_own(Hexahedra, 5, hyperelastic, 0));
+  EXPECT_FALSE(has_own(Pyramids, 2, hyperelastic, 0));
 }
 
 TEST(MemoryOnADevice, IsLessThanFourKibibytesPerQuarticTetrahedron) {

@@ -1,5 +1,6 @@
 """What a card gets: no slow memory, exact rounding, no atomics, few enough registers, and no load too many. The last test
 asks NVIDIA's assembler where there is one."""
+import functools
 import os
 import pathlib
 import re
@@ -11,22 +12,43 @@ import unittest
 import ptx
 
 MODULES = sorted(pathlib.Path(os.environ["VARIMESH_PTX"]).glob("*.ptx"))
-ORDERS = {10: 2, 20: 3, 35: 4, 56: 5}  # of tetrahedra, by nodes
-# As core/device_kernels/kernels/splits.h splits cells: for each order, parts and nodes per part.
-SPLITS = {"energy": {2: (1, 10), 3: (2, 10), 4: (2, 18), 5: (4, 14)},
-          "gradient": {2: (2, 5), 3: (2, 10), 4: (4, 9), 5: (8, 7)},
-          "product": {2: (1, 10), 3: (2, 10), 4: (4, 9), 5: (8, 7)}}
+# Kinds of cells (number_of() in core/device_kernels/kernels/splits.h): dimension, columns, layers, and for each kernel into
+# how many parts it splits a cell and how many columns a part has.
+KINDS = {
+    2106: (2, 6, 1, {"energy": (1, 6), "gradient": (1, 6), "product": (1, 6)}),
+    2110: (2, 10, 1, {"energy": (1, 10), "gradient": (1, 10), "product": (1, 10)}),
+    2115: (2, 15, 1, {"energy": (1, 15), "gradient": (1, 15), "product": (1, 15)}),
+    2121: (2, 21, 1, {"energy": (1, 21), "gradient": (2, 11), "product": (1, 21)}),
+    2303: (2, 3, 3, {"energy": (1, 3), "gradient": (1, 3), "product": (1, 3)}),
+    2404: (2, 4, 4, {"energy": (1, 4), "gradient": (2, 2), "product": (1, 4)}),
+    2505: (2, 5, 5, {"energy": (1, 5), "gradient": (2, 3), "product": (2, 3)}),
+    3110: (3, 10, 1, {"energy": (1, 10), "gradient": (2, 5), "product": (1, 10)}),
+    3120: (3, 20, 1, {"energy": (2, 10), "gradient": (4, 5), "product": (2, 10)}),
+    3135: (3, 35, 1, {"energy": (2, 18), "gradient": (4, 9), "product": (4, 9)}),
+    3156: (3, 56, 1, {"energy": (4, 14), "gradient": (8, 7), "product": (8, 7)}),
+    3306: (3, 6, 3, {"energy": (1, 6), "gradient": (4, 2), "product": (2, 3)}),
+    3410: (3, 10, 4, {"energy": (1, 10), "gradient": (8, 2), "product": (4, 3)}),
+    3515: (3, 15, 5, {"energy": (2, 8), "gradient": (8, 2), "product": (8, 2)}),
+    3309: (3, 9, 3, {"energy": (1, 9), "gradient": (8, 2), "product": (4, 3)}),
+    3416: (3, 16, 4, {"energy": (2, 8), "gradient": (8, 2), "product": (8, 2)}),
+    3525: (3, 25, 5, {"energy": (4, 7), "gradient": (16, 2), "product": (16, 2)}),
+}
+ENERGIES = {2: 7, 3: 8}  # kernels/energies.h, by dimension
 # The most registers that may be alive at once. A thread has 255, and an assembler orders the instructions anew.
 MOST_ALIVE = 290
 
 
+@functools.cache
 def modules():
-    """For each module: what its cells are (nodes of a tetrahedron, or the dimension of cells of any shape times -1, or
-    "solver" if it works on no cells), its text and its kernels."""
-    for file in MODULES:
-        text = file.read_text()
-        cells = re.search(r"cell_nodes = (-?\d+)", text)
-        yield int(cells[1]) if cells else "solver", text, ptx.kernels(text)
+    """For each module its name, text and kernels."""
+    texts = [(file.stem, file.read_text()) for file in MODULES]
+    return [(name, text, ptx.kernels(text)) for name, text in texts]
+
+
+def number(text, name):
+    """The number that a module has by this name; None if it has none."""
+    found = re.search(rf"{name} = (\d+)", text)
+    return int(found[1]) if found else None
 
 
 def solver_kernels():
@@ -35,11 +57,11 @@ def solver_kernels():
     return set(re.findall(r"(?m)^(?:EACH|EACH_PART|ADD|LARGEST)\((\w+),", text))
 
 
-def tetrahedra():
-    """For each module of tetrahedra: the order and the kernels."""
-    for nodes, _, kernels in modules():
-        if nodes != "solver" and nodes > 0:
-            yield ORDERS[nodes], kernels
+def split_cells():
+    """For each module of cells that are kept in registers: its name, kind and kernels."""
+    for name, text, kernels in modules():
+        if number(text, "cell_kind"):
+            yield name, KINDS[number(text, "cell_kind")], kernels
 
 
 def words(kernel, kind):
@@ -50,20 +72,23 @@ def words(kernel, kind):
 
 
 class Modules(unittest.TestCase):
-    def test_there_are_tetrahedra_of_four_orders_and_cells_of_any_shape(self):
-        cells = [nodes for nodes, _, _ in modules() if nodes != "solver"]
-        self.assertEqual(sorted(cells), [-3, -2, 10, 20, 35, 56])
-        self.assertEqual(len(MODULES) - len(cells), 2)
+    def test_there_are_all_kinds_and_energies_with_all_kernels(self):
+        kinds, energies, solvers = [], [], 0
         sums = {"add_up_gradients", "add_up_products", "keep_cell_gradients", "along_cell_gradients", "add_norm_terms"}
-        for nodes, _, kernels in modules():
-            if nodes == "solver":
+        for _, text, kernels in modules():
+            if number(text, "cell_kind"):
+                kinds.append(number(text, "cell_kind"))
+                self.assertEqual(set(kernels), {"energy", "gradient", "linearise", "product"} | sums)
+            elif number(text, "any_cells"):
+                energies.append((number(text, "any_cells"), number(text, "energy_number")))
+                self.assertEqual(set(kernels), {"deform", "scan", "range", "stress", "linearise", "gradient",
+                                                "change_stress", "product", "node_block", "mean_tensor"} | sums)
+            else:
+                solvers += 1
                 self.assertEqual(set(kernels), solver_kernels())
-                continue
-            own = {"energy", "gradient", "linearise", "product"}
-            if nodes < 0:
-                own = {"deform", "scan", "range", "stress", "linearise", "gradient", "change_stress", "product",
-                       "node_block", "mean_tensor"}
-            self.assertEqual(set(kernels), own | sums)
+        self.assertEqual(sorted(kinds), sorted(KINDS))
+        self.assertEqual(sorted(energies), [(d, energy) for d in (2, 3) for energy in range(1, ENERGIES[d] + 1)])
+        self.assertEqual(solvers, 2)
 
     def test_run_on_the_oldest_cards_and_drivers_that_are_promised(self):
         for _, text, _ in modules():
@@ -71,55 +96,49 @@ class Modules(unittest.TestCase):
             self.assertRegex(text, r"(?m)^\.target sm_70")
 
     def test_call_nothing_and_use_no_local_memory(self):
-        for order, text, kernels in modules():
+        for module, text, kernels in modules():
             self.assertNotRegex(text, r"\bcall\b")
             for kernel in kernels.values():
-                self.assertEqual(kernel.local_bytes, 0, (order, kernel.name))
+                self.assertEqual(kernel.local_bytes, 0, (module, kernel.name))
                 self.assertFalse([kind for kind in kernel.kinds if ".local" in kind])
 
     def test_round_exactly_and_in_one_order(self):
-        for order, _, kernels in modules():
+        for module, _, kernels in modules():
             for kernel in kernels.values():
                 for kind in kernel.kinds:
-                    self.assertNotRegex(kind, r"approx|ftz|\.full|^atom|^red", (order, kernel.name))
+                    self.assertNotRegex(kind, r"approx|ftz|\.full|^atom|^red", (module, kernel.name))
                     if re.match(r"(add|sub|mul|fma|div|rcp|sqrt)\..*f(32|64)$", kind):
-                        self.assertIn(".rn", kind, (order, kernel.name))
+                        self.assertIn(".rn", kind, (module, kernel.name))
 
     def test_need_no_more_registers_than_a_thread_has(self):
-        for order, _, kernels in modules():
+        for module, _, kernels in modules():
             for kernel in kernels.values():
-                self.assertLessEqual(kernel.most_alive, MOST_ALIVE, (order, kernel.name))
+                self.assertLessEqual(kernel.most_alive, MOST_ALIVE, (module, kernel.name))
 
-    def test_load_each_number_of_the_table_once_per_use(self):
-        for order, kernels in tetrahedra():
-            def row(kernel):
-                return 3 * SPLITS[kernel][order][1]
-
-            def turns(kernel):
-                return min(SPLITS[kernel][order][0], 4)
-
-            # Energy: G. Gradient: G and the sums. Linearise: the mean of F, the range of F, then as the gradient.
-            expected = {"energy": turns("energy") * row("energy"), "gradient": 2 * turns("gradient") * row("gradient"),
-                        "linearise": row("gradient") + 3 * turns("gradient") * row("gradient"),
-                        "product": 2 * turns("product") * row("product")}
-            for name, count in expected.items():
-                self.assertEqual(words(kernels[name], "ld.shared"), count, (order, name))
+    def test_load_each_number_of_the_tables_once_per_use(self):
+        # How often a kernel takes derivatives (of the range of F, of F) and gathers what nodes get.
+        passes = {"energy": (1, 0), "gradient": (1, 1), "linearise": (2, 1), "product": (1, 1)}
+        for module, (d, _, layers, splits), kernels in split_cells():
+            for name, (up, down) in passes.items():
+                parts, columns = splits["gradient" if name == "linearise" else name]
+                base, line = min(parts, 4) * d * columns, 2 * layers if layers > 1 else 0
+                self.assertEqual(words(kernels[name], "ld.shared"), (up + down) * (base + line), (module, name))
 
     def test_multiply_as_often_as_the_formulas_say(self):
-        for order, kernels in tetrahedra():
-            for name in ("energy", "gradient", "product"):
-                parts, nodes = SPLITS[name][order]
-                operators = 1 if name == "energy" else 2
-                least = operators * 9 * nodes * min(parts, 4)
+        for module, (d, _, layers, splits), kernels in split_cells():
+            for name, operators in ("energy", 1), ("gradient", 2), ("product", 2):
+                parts, columns = splits[name]
+                line = 2 * layers * d * columns if layers > 1 else 0
+                least = operators * (d * d * columns * min(parts, 4) + line)
                 fused = sum(count for kind, count in kernels[name].kinds.items() if kind.startswith("fma"))
-                self.assertGreaterEqual(fused, least, (order, name))
+                self.assertGreaterEqual(fused, least, (module, name))
 
     def test_read_each_number_of_a_vector_once(self):
         """Loads of floats and doubles in the kernels that only stream vectors."""
         expected = {"advance": 4, "turn": 3, "take_direction": 1, "clear_step": 0, "scale_residual": 1, "keep_residual": 1,
                     "add_residual": 2, "along_step": 2, "square_of_gradient": 1, "size_of_gradient": 1}
-        for nodes, _, kernels in modules():
-            for name, count in expected.items() if nodes == "solver" else ():
+        for module, _, kernels in modules():
+            for name, count in expected.items() if module.startswith("solver") else ():
                 self.assertEqual(words(kernels[name], "ld.global"), count, name)
 
     def test_do_not_spill_by_nvidias_assembler(self):

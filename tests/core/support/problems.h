@@ -14,8 +14,8 @@
 namespace varimesh::testing {
 
 /// A mesh as the kernels see it, with straight-sided targets. The deformation gradients are not set.
-inline Problem make_problem(const HighOrderMesh& mesh) {
-  Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
+inline Problem make_problem(const HighOrderMesh& mesh, int quadrature_degree = 0) {
+  Problem problem = build_problem(mesh, fixed_nodes(mesh), quadrature_degree);
   problem.positions = solver_positions(mesh, frame_of(mesh));
   set_straight_sided_targets(problem);
   return problem;

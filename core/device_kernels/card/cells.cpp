@@ -1,7 +1,6 @@
-// The kernels of tetrahedra of one order, and of one energy, for a card. clang compiles this file to PTX, as CUDA, with
-// no toolkit: CMakeLists.txt has the command. It defines
-//   VARIMESH_NODES    the nodes of a cell
-//   VARIMESH_ENERGY   the type of the energy
+// The kernels that keep cells of one kind in registers, of the hyperelastic energy, for a card. clang compiles this
+// file to PTX, as CUDA, with no toolkit: CMakeLists.txt has the command. It defines
+//   VARIMESH_KIND   the kind, as kernels/cell_kinds.h calls it
 #include <array>
 #include <bit>
 #include <cmath>
@@ -26,12 +25,12 @@ namespace {
 
 using device::CellKernel;
 using device::parts_of;
-constexpr int kCellNodes = VARIMESH_NODES;
-constexpr int kParts[] = {parts_of(CellKernel::Energy, kCellNodes), parts_of(CellKernel::Gradient, kCellNodes),
-                          parts_of(CellKernel::Product, kCellNodes)};
-template <int parts>
-using Cell = CellOnDevice<VARIMESH_ENERGY, 3, kCellNodes, parts>;
-using Product = ProductOnDevice<VARIMESH_ENERGY, 3, kCellNodes, kParts[2]>;
+constexpr device::CellKind kKind = device::kinds::VARIMESH_KIND;
+constexpr int d = kKind.dimension;
+using CellEnergy = HyperelasticEnergy<d>;
+constexpr int kParts[] = {parts_of(CellKernel::Energy, kKind), parts_of(CellKernel::Gradient, kKind),
+                          parts_of(CellKernel::Product, kKind)};
+using Product = ProductOnDevice<CellEnergy, kKind, kParts[2]>;
 
 /// A copy of a table in the memory that the threads of a block share.
 template <class T>
@@ -44,17 +43,18 @@ VARIMESH_ON_CARD const T* shared_copy(const T* table, int size) {
 
 template <int parts, class Work>
 VARIMESH_ON_CARD void for_cell(const device::CellArguments& a, const Work& work) {
-  const double* table = shared_copy(a.derivatives, (device::padded_points(a.points, parts) + 1) * Cell<parts>::kRow);
+  using Cell = CellOnDevice<CellEnergy, kKind, parts>;
+  const double* table = shared_copy(a.tables.derivatives, Cell::Cells::size(a.tables));
   const std::int64_t number = thread();
   if (number >= static_cast<std::int64_t>(a.batches) * kBatch * parts) return;
-  Cell<parts> cell(a, table, Place<parts>::of(number));
+  Cell cell(a, table, Place<parts>::of(number));
   work(cell);
 }
 
 }  // namespace
 
 /// Tells this module from others. No kernel reads it.
-extern "C" __attribute__((device)) int cell_nodes = VARIMESH_NODES;
+extern "C" __attribute__((device)) int cell_kind = device::number_of(kKind);
 
 VARIMESH_KERNEL energy(device::CellArguments a) {
   for_cell<kParts[0]>(
@@ -72,20 +72,20 @@ VARIMESH_KERNEL linearise(device::CellArguments a) {
 }
 
 VARIMESH_KERNEL product(device::ProductArguments a) {
-  const float* table = shared_copy(a.derivatives, device::padded_points(a.points, kParts[2]) * Product::kRow);
+  const float* table = shared_copy(a.tables.derivatives, Product::Cells::size(a.tables));
   const std::int64_t number = thread();
   if (number >= static_cast<std::int64_t>(a.batches) * kBatch * kParts[2]) return;
   Product(a, table, Place<kParts[2]>::of(number)).multiply();
 }
 
-VARIMESH_KERNEL add_up_products(device::SumArguments a) { add_up_products_of_block<3>(a); }
+VARIMESH_KERNEL add_up_products(device::SumArguments a) { add_up_products_of_block<d>(a); }
 
-VARIMESH_KERNEL add_up_gradients(device::SumArguments a) { add_up_gradient<3>(a, thread()); }
+VARIMESH_KERNEL add_up_gradients(device::SumArguments a) { add_up_gradient<d>(a, thread()); }
 
-VARIMESH_KERNEL keep_cell_gradients(device::NormArguments a) { keep_cell_gradient<3>(a, thread()); }
+VARIMESH_KERNEL keep_cell_gradients(device::NormArguments a) { keep_cell_gradient<d>(a, thread()); }
 
-VARIMESH_KERNEL along_cell_gradients(device::NormArguments a) { along_cell_gradient<3>(a, thread()); }
+VARIMESH_KERNEL along_cell_gradients(device::NormArguments a) { along_cell_gradient<d>(a, thread()); }
 
-VARIMESH_KERNEL add_norm_terms(device::NormArguments a) { add_norm_term<3>(a, thread()); }
+VARIMESH_KERNEL add_norm_terms(device::NormArguments a) { add_norm_term<d>(a, thread()); }
 
 }  // namespace varimesh::N_ONE_LANE

@@ -1,0 +1,20 @@
+// The kinds of cells that have kernels of their own: KIND(shape, name, order, dimension, columns, layers) for each,
+// with the numbers of CellKind (splits.h). Whoever includes this file defines KIND.
+KIND(Triangle, triangles, 2, 2, 6, 1)
+KIND(Triangle, triangles, 3, 2, 10, 1)
+KIND(Triangle, triangles, 4, 2, 15, 1)
+KIND(Triangle, triangles, 5, 2, 21, 1)
+KIND(Quadrilateral, quadrilaterals, 2, 2, 3, 3)
+KIND(Quadrilateral, quadrilaterals, 3, 2, 4, 4)
+KIND(Quadrilateral, quadrilaterals, 4, 2, 5, 5)
+KIND(Tetrahedron, tetrahedra, 2, 3, 10, 1)
+KIND(Tetrahedron, tetrahedra, 3, 3, 20, 1)
+KIND(Tetrahedron, tetrahedra, 4, 3, 35, 1)
+KIND(Tetrahedron, tetrahedra, 5, 3, 56, 1)
+KIND(Prism, prisms, 2, 3, 6, 3)
+KIND(Prism, prisms, 3, 3, 10, 4)
+KIND(Prism, prisms, 4, 3, 15, 5)
+KIND(Hexahedron, hexahedra, 2, 3, 9, 3)
+KIND(Hexahedron, hexahedra, 3, 3, 16, 4)
+KIND(Hexahedron, hexahedra, 4, 3, 25, 5)
+#undef KIND

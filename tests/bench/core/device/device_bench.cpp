@@ -1,0 +1,156 @@
+// How long the kernels of a device take: nanoseconds per cell for every kind of cells that has kernels of its own, with
+// the goals for tetrahedra of order 4, and milliseconds for a step of conjugate gradients on them.
+//
+//   core_device_bench [--cells N] [--processor]
+//
+// N: about so many cells of each kind, 1,000,000 by default. --processor: the processor in the card's place, to try the
+// program. Ends with 1 if a goal is missed or a device has a fault, with 77 if there is no card.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "core/device/card.h"
+#include "core/device/cpu_device.h"
+#include "core/device_kernels/cells_on_device.h"
+#include "core/solvers/newton/device_objective.h"
+#include "tests/core/support/meshes.h"
+#include "tests/core/support/problems.h"
+
+namespace varimesh {
+namespace {
+
+using testing::Filling;
+
+/// Nanoseconds per quartic tetrahedron at most, and milliseconds per step of conjugate gradients on a million of them.
+constexpr double kEnergyGoal = 2.5, kGradientGoal = 5, kLineariseGoal = 8, kProductGoal = 2.5, kStepGoal = 6;
+
+bool all_well = true;
+
+void must(const device::Possible<void>& done) {
+  if (done) return;
+  std::printf("%s\n", done.error().sentence.c_str());
+  std::exit(1);
+}
+
+/// Seconds of one call: the shortest of three rounds of calls.
+double seconds_of(device::Device& device, int calls, const std::function<device::Possible<void>()>& call) {
+  double shortest = 1e300;
+  must(call());
+  must(device.wait());
+  for (int round = 0; round < 3; ++round) {
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < calls; ++i) must(call());
+    must(device.wait());
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    shortest = std::min(shortest, took.count() / calls);
+  }
+  return shortest;
+}
+
+std::string with_goal(double figure, double goal) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%9.2f%s", figure, goal > 0 && figure > goal ? " (too long)" : "");
+  all_well = all_well && !(goal > 0 && figure > goal);
+  return text;
+}
+
+Problem prepare(Filling filling, int order, double cells) {
+  constexpr double kPerCube[] = {1, 2, 1.5, 1, 2, 6, 12, 5};  // as Filling has them
+  const bool is_plane = testing::is_plane(filling);
+  const double cubes = cells / kPerCube[static_cast<int>(filling)];
+  const int side = std::max(1, static_cast<int>(std::lround(is_plane ? std::sqrt(cubes) : std::cbrt(cubes))));
+  const Team team(static_cast<int>(std::thread::hardware_concurrency()));
+  const HighOrderMesh mesh =
+      testing::grid(filling, {side, side, is_plane ? 1 : side}, order, testing::bent(is_plane ? 2 : 3));
+  Problem problem = testing::make_problem(mesh);
+  for (CellSet& set : problem.sets) set.delta_squared.assign(static_cast<std::size_t>(set.count), 0);
+  return problem;
+}
+
+void measure_cells(device::Device& device, Filling filling, int order, double wanted, int calls) {
+  const Problem problem = prepare(filling, order, wanted);
+  auto made = device::CellsOnDevice::make(device, problem, material(Options{}));
+  if (!made) return must(tl::unexpected(made.error()));
+  device::CellsOnDevice& cells = **made;
+  const auto per_cell = [&](const std::function<device::Possible<void>()>& call) {
+    return seconds_of(device, calls, call) * 1e9 / problem.cells;
+  };
+  const bool has_goals = filling == Filling::Tetrahedra && order == 4 && problem.cells > 500'000;
+  const auto goal = [&](double figure) { return has_goals ? figure : 0; };
+  const double energy = per_cell([&] {
+    device::Possible<void> done;
+    for (const auto& set : cells.sets())
+      if (done) done = set->scan(cells.shared());
+    return done;
+  });
+  const double gradient = per_cell([&] { return cells.run_gradient(false); });
+  const double linearise = per_cell([&] { return cells.run_gradient(true); });
+  const double product = per_cell([&] { return cells.run_product(); });
+  std::printf("%-16s %d %9d %s %s %s %s %8.0f\n", testing::name(filling), order, problem.cells,
+              with_goal(energy, goal(kEnergyGoal)).c_str(), with_goal(gradient, goal(kGradientGoal)).c_str(),
+              with_goal(linearise, goal(kLineariseGoal)).c_str(), with_goal(product, goal(kProductGoal)).c_str(),
+              static_cast<double>(cells.memory()) / problem.cells);
+}
+
+/// A step of conjugate gradients with the whole preconditioner.
+void measure_step(device::Device& device, double wanted, int calls) {
+  Problem problem = prepare(Filling::Tetrahedra, 4, wanted);
+  const Material material = varimesh::material(Options{});
+  const auto kernels = make_kernels(material, 3);
+  const auto hessian = make_hessian_kernels(material, 3);
+  const Team team(static_cast<int>(std::thread::hardware_concurrency()));
+  try {
+    DeviceObjective objective(device, problem, *kernels, *hessian, material, PNorm{1}, team);
+    objective.linearise(true);
+    objective.precondition();
+    objective.turn(0);
+    const double seconds = seconds_of(device, calls, [&]() -> device::Possible<void> {
+      objective.multiply();
+      objective.advance(1e-3);
+      objective.precondition();
+      objective.turn(0.5);
+      return {};
+    });
+    std::printf("step of conjugate gradients on %d tetrahedra of order 4: %s ms, %.0f bytes per cell\n", problem.cells,
+                with_goal(seconds * 1e3, problem.cells > 500'000 ? kStepGoal * problem.cells / 1e6 : 0).c_str(),
+                static_cast<double>(objective.memory()) / problem.cells);
+  } catch (const DeviceFailed& failed) {
+    must(tl::unexpected(failed.fault));
+  }
+}
+
+int run(device::Device& device, double cells, int calls) {
+  std::printf("%s\n%-16s %s %9s %9s %9s %9s %9s %8s\n", device.properties().name.c_str(), "cells", "P", "count",
+              "energy", "gradient", "linearise", "product", "bytes");
+  for (const Filling filling :
+       {Filling::Tetrahedra, Filling::Triangles, Filling::Quadrilaterals, Filling::Prisms, Filling::Hexahedra})
+    for (const int order : {2, 3, 4}) measure_cells(device, filling, order, cells, calls);
+  measure_step(device, cells, calls);
+  return all_well ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace varimesh
+
+int main(int argc, char** argv) {
+  double cells = 1e6;
+  bool on_processor = false;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--processor") == 0) on_processor = true;
+    if (std::strcmp(argv[i], "--cells") == 0 && i + 1 < argc) cells = std::atof(argv[++i]);
+  }
+  if (on_processor) return varimesh::run(*varimesh::device::make_cpu_device(), cells, 1);
+  const auto driver = varimesh::device::Driver::open();
+  const auto card = driver ? driver->use() : tl::unexpected(driver.error());
+  if (!card) {
+    std::printf("%s\n", card.error().sentence.c_str());
+    return 77;
+  }
+  return varimesh::run(**card, cells, 20);
+}
