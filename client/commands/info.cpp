@@ -13,11 +13,11 @@
 namespace varimesh::client {
 namespace {
 
-/// The card that runs of this command may have; empty: there is none.
+/// The card that runs of this command may have; empty: there is none, or it is too old.
 std::string first_card() {
   const auto driver = device::Driver::open();
   const auto cards = driver ? driver->cards() : tl::unexpected(driver.error());
-  return cards ? cards->front().name : "";
+  return cards && device::is_new_enough(cards->front()) ? cards->front().name : "";
 }
 
 int info(const CommonFlags& flags) {

@@ -263,7 +263,7 @@ Possible<std::unique_ptr<Device>> Driver::use(int number) const {
     return fault(Fault::Kind::NoDriver, "There is no device " + std::to_string(number) + "; the driver finds " +
                                             std::to_string(known->size()) + ", and the first is 0.");
   const Properties& card = (*known)[static_cast<std::size_t>(number)];
-  if (card.capability < kOldestCapability)
+  if (!is_new_enough(card))
     return fault(Fault::Kind::OldDriver, "The device " + card.name + " is too old: it has compute capability " +
                                              std::to_string(card.capability / 10) + "." +
                                              std::to_string(card.capability % 10) + ", and the kernels need 7.0.");

@@ -15,6 +15,9 @@ namespace varimesh::device {
 inline constexpr int kOldestDriver = 10000;
 inline constexpr int kOldestCapability = 70;
 
+/// Whether a card runs the kernels.
+inline bool is_new_enough(const Properties& card) { return card.capability >= kOldestCapability; }
+
 inline constexpr const char* kDriverLibrary = "libcuda.so.1";
 
 /// The driver, initialised.

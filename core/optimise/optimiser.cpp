@@ -118,7 +118,7 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl contro
   std::optional<DeviceOfRun> device;
   if (!control.has_chosen_device) {
     device.emplace(options, set_up.summary.elements, control.open_device);
-    control.device = device->get();
+    control.device = &device->get();
     control.has_chosen_device = true;
   }
   const bool may_split = splits(options.repair) && options.max_iterations > 0;

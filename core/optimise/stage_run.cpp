@@ -288,7 +288,18 @@ void StageRun::state(Archive& archive) {
     }
     iteration_state(archive, history_[i]);
   }
+  device_state(archive);
   methods_state(archive);
+}
+
+/// The name of the device on which steps were made. The run that goes on may have another device, or none.
+template <class Archive>
+void StageRun::device_state(Archive& archive) {
+  const std::string before = device_ == nullptr ? "" : device_->done_on();
+  std::vector<char> name(before.begin(), before.end());
+  archive(name);
+  if constexpr (Archive::kReads)
+    if (device_ != nullptr && !archive.failed()) device_->began_on(std::string(name.begin(), name.end()));
 }
 
 template <class Archive>

@@ -128,6 +128,8 @@ class StageRun {
   template <class Archive>
   void state(Archive& archive);
   template <class Archive>
+  void device_state(Archive& archive);
+  template <class Archive>
   void methods_state(Archive& archive);
 
   const Options& options_;

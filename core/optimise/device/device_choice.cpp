@@ -14,7 +14,6 @@ std::string why_no_steps(const Options& options) {
   if (options.objective == Objective::Accuracy)
     return "the descent of the objective accuracy runs on the processor; a device makes the steps of the objectives "
            "energy and worst";
-  if (options.energy != Energy::Hyperelastic) return "a card has kernels of the hyperelastic energy only";
   return {};
 }
 
@@ -30,29 +29,29 @@ DeviceOfRun::DeviceOfRun(const Options& options, std::int64_t elements, const Op
     : is_demanded_(options.device == DeviceChoice::Gpu) {
   const bool is_wanted = is_demanded_ || (options.device == DeviceChoice::Auto && elements >= kLeastElementsOnDevice);
   if (!is_wanted) return;
-  why_not_ = why_no_steps(options);
-  if (!why_not_.empty()) {
-    why_not_ = "The run was on the processor: " + why_not_ + ".";
+  if (const std::string reason = why_no_steps(options); !reason.empty()) {
+    why_not_ = ": " + reason + ".";
     return;
   }
   auto opened = open ? open() : open_first_card();
   if (opened)
     device_ = device::RunDevice(std::move(*opened));
   else
-    why_not_ = "The run was on the processor. " + opened.error().sentence;
+    why_not_ = ". " + opened.error().sentence;
 }
 
 void DeviceOfRun::tell(std::string& device, std::vector<std::string>& notes) const {
-  if (device_.has_begun()) device = device_.name();
-  if (device_.fault()) {
-    notes.push_back(std::string(device_.has_begun() ? "The run went on on the processor after a part of its steps. "
-                                                    : "The run was on the processor. ") +
-                    device_.fault()->sentence);
-    return;
-  }
-  if (!is_demanded_ || device_.has_begun()) return;
-  notes.push_back(!why_not_.empty() ? why_not_
-                                    : "The run made no step of Newton's method, so the device was not used.");
+  device = device_.done_on();
+  const bool has_begun = !device.empty();
+  const std::string where =
+      has_begun ? "The run went on on the processor after a part of its steps" : "The run was on the processor";
+  if (const auto& fault = device_.fault())
+    notes.push_back((has_begun && !device_.has_ended() ? "A part of the run was on the processor" : where) + ". " +
+                    fault->sentence);
+  else if (is_demanded_ && !why_not_.empty())
+    notes.push_back(where + why_not_);
+  else if (is_demanded_ && !has_begun)
+    notes.emplace_back("The run made no step of Newton's method, so the device was not used.");
 }
 
 }  // namespace varimesh

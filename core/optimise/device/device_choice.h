@@ -32,15 +32,15 @@ class DeviceOfRun {
   /// @param open      empty: open_first_card()
   DeviceOfRun(const Options& options, std::int64_t elements, const OpenDevice& open);
 
-  /// Null: the run has none.
-  device::RunDevice* get() { return device_.get() == nullptr ? nullptr : &device_; }
+  /// Without a device if the run has none.
+  device::RunDevice& get() { return device_; }
   /// What the result says: sets RunSummary::device, and adds to RunSummary::notes if the run has not worked on the
   /// device that was asked for.
   void tell(std::string& device, std::vector<std::string>& notes) const;
 
  private:
   bool is_demanded_ = false;  ///< DeviceChoice::Gpu.
-  std::string why_not_;       ///< Why the run began without a device.
+  std::string why_not_;       ///< What follows "the processor" in a note if the run began without a device.
   device::RunDevice device_;
 };
 

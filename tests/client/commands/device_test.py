@@ -54,6 +54,8 @@ class Device(WithServer):
 
         self.assertEqual(device("--server", ""), "Fake Card 1")
         self.assertEqual(device("--server", "", state="cards=0"), "")
+        self.assertEqual(device("--server", "", state="capability=61"), "", "no run can use it")
+        self.assertEqual(device("--server", "", state="version=9020"), "", "no run can use it")
         self.assertEqual(device("--server", self.server.address), "")
 
     def test_is_not_for_jobs_of_a_server(self):

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
+#include <iterator>
 
 #include "core/device/cpu_device.h"
 #include "core/device_kernels/cell_modules.h"
@@ -95,10 +97,13 @@ TEST(DeviceOfARun, IsNotOpenedUnlessTheOptionsAskForIt) {
   EXPECT_EQ(small.device, "");
   EXPECT_TRUE(small.notes.empty());
   Options options = energy_on(DeviceChoice::Auto);
-  EXPECT_TRUE(DeviceOfRun(options, kLeastElementsOnDevice, opener.open()).get() != nullptr);
-  EXPECT_EQ(DeviceOfRun(options, kLeastElementsOnDevice - 1, opener.open()).get(), nullptr);
+  const auto has_device = [&](std::int64_t elements) {
+    return DeviceOfRun(options, elements, opener.open()).get().get() != nullptr;
+  };
+  EXPECT_TRUE(has_device(kLeastElementsOnDevice));
+  EXPECT_FALSE(has_device(kLeastElementsOnDevice - 1));
   options.objective = Objective::Accuracy;
-  EXPECT_EQ(DeviceOfRun(options, kLeastElementsOnDevice, opener.open()).get(), nullptr);
+  EXPECT_FALSE(has_device(kLeastElementsOnDevice));
   EXPECT_EQ(opener.opened, 1);
 }
 
@@ -132,8 +137,6 @@ TEST(DeviceOfARun, IsSaidNotToHelpWhereItDoesNot) {
             "The run was on the processor: sweeps run on the processor; leave the method at auto or newton.");
   EXPECT_EQ(note([](Options& options) { options.max_iterations = 0; }),
             "The run was on the processor: no step was asked for.");
-  EXPECT_EQ(note([](Options& options) { options.energy = Energy::Winslow; }),
-            "The run was on the processor: a card has kernels of the hyperelastic energy only.");
   EXPECT_EQ(opener.opened, 0);
   // Sweeps make the mesh valid, and then there is nothing to do.
   EXPECT_EQ(note([](Options& options) {
@@ -141,6 +144,56 @@ TEST(DeviceOfARun, IsSaidNotToHelpWhereItDoesNot) {
               options.max_iterations = 1;
             }),
             "The run made no step of Newton's method, so the device was not used.");
+}
+
+/// The number with a comma between thousands.
+std::string spelled(std::int64_t number) {
+  std::string text = std::to_string(number);
+  for (std::size_t at = text.size(); at > 3; at -= 3) text.insert(at - 3, ",");
+  return text;
+}
+
+TEST(DeviceOfARun, IsTakenByAutoFromAsManyElementsOnAsTheTextsSay) {
+  const std::string said = "at least " + spelled(kLeastElementsOnDevice) + " elements";
+  for (const char* file :
+       {"/core/options/option_table.cpp", "/proto/varimesh/v1/optimise.proto", "/docs/options.md", "/docs/device.md"}) {
+    std::ifstream in(std::string(VARIMESH_SOURCE_DIR) + file);
+    const std::string text(std::istreambuf_iterator<char>(in), {});
+    EXPECT_NE(text.find(said), std::string::npos) << file;
+  }
+}
+
+// A run that goes on knows where the steps before the checkpoint were made, also if it has no device itself.
+TEST(DeviceOfARun, IsNamedByARunThatGoesOnFromACheckpoint) {
+  const HighOrderMesh mesh = bent_mesh(0.01);
+  Opener opener;
+  std::string checkpoint;
+  RunControl control;
+  control.open_device = opener.open();
+  control.checkpoint_due = [](const Iteration& iteration) { return iteration.on_device; };
+  control.save_checkpoint = [&](const Iteration&, const WriteCheckpoint& write) {
+    checkpoint.clear();
+    write([&](std::string_view bytes) {
+      checkpoint += bytes;
+      return true;
+    });
+  };
+  const Options options = energy_on(DeviceChoice::Gpu);
+  ASSERT_TRUE(optimise(mesh, options, {}, control));
+  ASSERT_FALSE(checkpoint.empty());
+  for (const OpenDevice& open : {opener.open(), no_driver()}) {
+    RunControl again;
+    again.open_device = open;
+    again.checkpoint = checkpoint;
+    const auto result = optimise(mesh, options, {}, again);
+    ASSERT_TRUE(result);
+    EXPECT_GT(result->resumed_from, 0);
+    EXPECT_EQ(result->device, "the processor");
+    const std::string note = result->notes.empty() ? "" : result->notes.back();
+    EXPECT_TRUE(note.empty() ||
+                note == "The run went on on the processor after a part of its steps. There is no driver.")
+        << note;
+  }
 }
 
 TEST(DeviceOfARun, IsOpenedAndToldOnceForAllRunsOfARepair) {
@@ -201,6 +254,41 @@ TEST_F(RunOnACard, EndsWholeWithASentenceAfterEachFault) {
     ASSERT_EQ(result.notes.size(), 1U);
     EXPECT_EQ(result.notes.front().find("The run was on the processor. "), 0U) << result.notes.front();
     EXPECT_NE(result.notes.front().find(sentence), std::string::npos) << result.notes.front();
+  }
+}
+
+TEST_F(RunOnACard, TakesTheCardAgainForALaterStageThatItHasRoomFor) {
+  const HighOrderMesh mesh = bent_mesh(0.08);
+  Options options = energy_on(DeviceChoice::Gpu);
+  options.objective = Objective::Worst;
+  RunControl control;
+  control.open_device = [] { return testing::fake_card("memory=20000"); };
+  int steps = 0;
+  const auto result = optimise(
+      mesh, options,
+      [&](const Iteration& iteration) {
+        EXPECT_TRUE(steps > 0 || !iteration.on_device);
+        if (iteration.phase == Phase::Newton) ++steps;
+        if (steps == 1) setenv("FAKE_CUDA", "", 1);  // another process gives its memory back
+        return iteration.on_device ? Control::Stop : Control::Continue;
+      },
+      control);
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->device, "Fake Card 1");
+  ASSERT_EQ(result->notes.size(), 1U);
+  EXPECT_EQ(result->notes.front().find("A part of the run was on the processor. The device Fake Card 1 has no room"),
+            0U)
+      << result->notes.front();
+}
+
+TEST_F(RunOnACard, HasKernelsForEveryEnergy) {
+  const HighOrderMesh mesh = bent_mesh(0.01);
+  for (const Energy energy : {Energy::LinearElastic, Energy::Winslow, Energy::Distortion}) {
+    Options options = energy_on(DeviceChoice::Gpu);
+    options.energy = energy;
+    const Result result = on_card(mesh, options, "");
+    EXPECT_EQ(result.device, "Fake Card 1");
+    EXPECT_TRUE(result.notes.empty());
   }
 }
 
