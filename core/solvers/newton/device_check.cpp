@@ -12,6 +12,9 @@
 namespace varimesh {
 namespace {
 
+/// Newton's own kernels do not depend on the order, and check_kernels() has compared those of the cells.
+constexpr int kHighestOrder = 3;
+
 /// The positions after two steps.
 device::Possible<std::vector<double>> positions(device::Device& device, Problem problem, double p_norm) {
   const Material material = varimesh::material(Options{});
@@ -37,6 +40,7 @@ device::Possible<void> check_newton(device::Device& device) {
   const auto cpu = device::make_cpu_device();
   for (const HighOrderMesh& mesh : device::check_meshes())
     for (const double p_norm : {1.0, 2.0}) {
+      if (mesh.order > kHighestOrder) continue;
       Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
       problem.positions = solver_positions(mesh, frame_of(mesh));
       set_straight_sided_targets(problem);
