@@ -71,6 +71,8 @@ class Runs {
     finish();
     tell_of_refining();
     best_.result.stopped = best_.result.stopped || is_stopped_;
+    best_.result.seconds = spent();
+    best_.result.proof_seconds = runs_.proof_seconds();
     // Nodes have slid, so nobody need be told to let them.
     if (!is_only_run)
       std::erase_if(best_.result.left.remedies,

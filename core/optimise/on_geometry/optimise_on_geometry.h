@@ -49,7 +49,9 @@ struct OnGeometryHooks {
 };
 
 struct ResultOnGeometry {
-  Result result;  ///< `before` and `history` are those of the run that the mesh comes from.
+  /// `seconds` and `proof_seconds` are those of all runs, and `seconds` counts sliding and reading the model. `before`,
+  /// `iterations` and `history` are those of the run that the mesh comes from.
+  Result result;
   /// What came of sliding in this run. Nothing if no node was to slide, or if sliding was stopped.
   std::optional<SlidAndMeasured> slid;
   std::vector<SlideTrial> trials;

@@ -55,6 +55,7 @@ Expected<RunOnGeometry> RunsOnGeometry::run(HighOrderMesh mesh, Options options,
   is_first_ = false;
   if (!result) return tl::unexpected(result.error());
   spent_ += seconds + result->seconds;
+  proof_seconds_ += result->proof_seconds;
   iterations_ += result->iterations;
   run.result = std::move(*result);
   run.is_unfinished = control.another_follows &&

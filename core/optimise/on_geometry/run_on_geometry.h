@@ -61,6 +61,8 @@ class RunsOnGeometry {
 
   /// Of the time limit, in seconds. Runs that go on from a checkpoint have spent more than has passed since.
   double spent() const { return std::max(spent_, watch_.seconds()); }
+  /// As RunSummary::proof_seconds, of all runs that have ended.
+  double proof_seconds() const { return proof_seconds_; }
   int threads_to_slide(const Options& options) const;
 
  private:
@@ -77,6 +79,7 @@ class RunsOnGeometry {
   int iterations_ = 0;      ///< Of all runs so far,
   const Stopwatch& watch_;  ///< and their seconds:
   double spent_;            ///< those before them, and what they say themselves.
+  double proof_seconds_ = 0;
 };
 
 /// Tells what came of sliding, without what was told for `before`.

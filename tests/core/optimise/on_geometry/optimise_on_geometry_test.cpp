@@ -85,6 +85,17 @@ TEST(OptimiseOnGeometry, ComparesWithAMeshThatDidNotSlide) {
   EXPECT_EQ(done.result.mesh.coordinates, (is_better ? still : slid).mesh.coordinates);
 }
 
+TEST(OptimiseOnGeometry, CountsTheSecondsOfAllRuns) {
+  double last = 0;
+  const ResultOnGeometry done = on_cylinder(SlideOn::All, {}, {}, {}, [&](const Iteration& iteration) {
+    last = std::max(last, iteration.seconds);
+    return Control::Continue;
+  });
+  ASSERT_EQ(done.trials.size(), 1u);
+  EXPECT_GE(done.result.seconds, last);
+  EXPECT_GE(done.result.seconds, done.result.proof_seconds);
+}
+
 TEST(OptimiseOnGeometry, TriesNothingElseIfNothingIsToSlide) {
   const ResultOnGeometry done = on_cylinder(SlideOn::None);
   EXPECT_GT(left(done.result), 0);
