@@ -70,8 +70,7 @@ async function downloads(job, signal) {
 }
 
 /** The fields for a CAD model; null if the server takes none for such a mesh. `order`: of the mesh that the job was made for. */
-async function geometryFields(job, order, signal) {
-  const {takesGeometries} = await askFor('info', {signal});
+function geometryFields(job, order, {takesGeometries}) {
   if (!takesGeometries || job.metrics?.mesh?.dimension !== 3) return null;
   return new GeometryFields(order === 1, job.spec.geometry);
 }
@@ -88,11 +87,12 @@ async function nextSpec(job, form, model, layers, keepOrders) {
 /** The form for a run on this job's mesh, with the options of the last one, and the same for a terminal and Python. */
 async function runForm(job, order, groups, signal) {
   const {options, layers: before} = job.spec;
-  const [schemas, model] = await Promise.all([schemasOfMessages(), geometryFields(job, order, signal)]);
+  const [schemas, info] = await Promise.all([schemasOfMessages(), askFor('info', {signal})]);
   signal.throwIfAborted();
+  const model = geometryFields(job, order, info);
   const keepOrders = new OptionField('keepOrders', schemas['varimesh.v1.JobSpec'].properties.keepOrders, schemas);
   keepOrders.value = job.spec.keepOrders;
-  const form = new OptionForm(schemas, before?.spacing ? {...options, layerSpacing: before.spacing} : options ?? {}, [keepOrders]);
+  const form = new OptionForm(schemas, before?.spacing ? {...options, layerSpacing: before.spacing} : options ?? {}, [keepOrders], Boolean(info.device));
   const spacing = form.fields.find(({name}) => name === 'layerSpacing');
   const layers = new LayerFields(schemas, before ?? {}, groups, spacing);
   modelField = model;

@@ -114,11 +114,11 @@ async function schemasOfMessages() {
   return knownDescription.components.schemas;
 }
 
-/** All options: four at once, the others behind a click. `beside`: fields of the spec that stand with them. */
+/** All options: four at once, the others behind a click. `beside`: fields of the spec that stand with them. `hasDevice`: whether jobs may have a device here; else that option is neither shown nor kept. */
 class OptionForm {
-  constructor(schemas, options, beside = []) {
+  constructor(schemas, options, beside = [], hasDevice = false) {
     const {properties} = schemas['varimesh.v1.Options'];
-    const names = Object.keys(properties).filter((name) => !LEFT_OUT_OPTIONS.includes(name));
+    const names = Object.keys(properties).filter((name) => !LEFT_OUT_OPTIONS.includes(name) && (hasDevice || name !== 'device'));
     this.fields = [...FIRST_OPTIONS, ...names.filter((name) => !FIRST_OPTIONS.includes(name))].map((name) => new OptionField(name, properties[name], schemas));
     this.kept = Object.fromEntries(LEFT_OUT_OPTIONS.filter((name) => options[name] !== undefined).map((name) => [name, options[name]]));
     for (const field of this.fields) field.value = options[field.name];

@@ -53,6 +53,17 @@ class Form(WithPage):
         self.assertIn("-o nine_triangles-better.msh --layer-spacing even", self.text("#run pre"))
         self.assertIn('"nine_triangles-better.msh", layer_spacing="even")', self.text("#run .columns"))
 
+    def test_offers_no_device_where_jobs_have_none(self):
+        job = self.submit(MESH, "--device", "gpu", "--objective", "energy", "--max-iterations", "1")
+        self.open(f"/#/jobs/{job}")
+        self.page.wait("!!document.querySelector('#run form')", 100)
+        self.assertTrue(self.page.value("!!document.getElementById('option-threads')"))
+        self.assertFalse(self.page.value("!!document.getElementById('option-device')"))
+        self.page.click("#run button", "Run with these options")
+        self.page.wait(f"!location.hash.includes('{job}')")
+        options = self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]["spec"]["options"]
+        self.assertEqual((options.get("objective"), options.get("device")), ("OBJECTIVE_ENERGY", None))
+
     def test_orders_are_kept(self):
         self.open()
         self.look_at(MESH)
