@@ -288,7 +288,17 @@ class Tutorial(WithPrograms):
             self.assertIn(words, "".join(printed))
         made = set(os.listdir(self.work))
         self.assertLessEqual({"part.step", "better.msh", "better.xml", "better.mesh", "better.vtu", "better.html", "best.msh", "from-python.msh"}, made)
-        self.assertEqual(self.quality("from-python.msh"), self.quality("better.msh"))
+        self.check_figures(self.quality("from-python.msh"), self.quality("better.msh"))
+
+    def check_figures(self, one, other):
+        """
+        Words and whole numbers are the same. Gmsh 4.13 rounds nodes differently in its command and in its Python package, by up to
+        5e-15, and the optimum then differs in the digits that are printed last.
+        """
+        decimal = re.compile(r"-?\d+\.\d+")
+        self.assertEqual(decimal.sub("", one), decimal.sub("", other))
+        for figure, expected in zip(decimal.findall(one), decimal.findall(other)):
+            self.assertAlmostEqual(float(figure), float(expected), delta=5e-5)
 
     def quality(self, name):
         done = subprocess.run([VARIMESH, "quality", self.work / name, "--certify"], capture_output=True, text=True)
