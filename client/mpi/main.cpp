@@ -48,9 +48,11 @@ int main(int argc, char** argv) {
     try {
       return client::quality_of_ranks(arguments, session.ranks());
     } catch (const std::bad_alloc&) {
+      in_turn.reset();  // writes what waits
       give_up(standard_error,
               "there is not enough memory for a rank's part of the mesh; use more ranks, on more machines.");
     } catch (const std::exception& error) {
+      in_turn.reset();
       give_up(standard_error, std::string("a rank ended unexpectedly (") + error.what() + "); please report it.");
     }
   };

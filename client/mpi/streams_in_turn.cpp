@@ -15,19 +15,20 @@
 namespace varimesh::client {
 namespace {
 
-/// A launcher reads at once. A reader that is no launcher may take longer, and is not waited for.
+/// A launcher reads at once. Another reader may take longer: after one wait in vain there is none.
 constexpr std::chrono::seconds kLongestWait{5};
 constexpr std::chrono::microseconds kPause{50};
 
-/// Waits until the pipe of this descriptor is empty. Returns at once if it is no pipe.
-void wait_until_read(int descriptor) {
+/// Waits until the pipe of this descriptor is empty, but not for ever. Returns whether it is empty, or is no pipe.
+bool wait_until_read(int descriptor) {
   struct stat about {};
-  if (::fstat(descriptor, &about) != 0 || !S_ISFIFO(about.st_mode)) return;
+  if (::fstat(descriptor, &about) != 0 || !S_ISFIFO(about.st_mode)) return true;
   const auto end = std::chrono::steady_clock::now() + kLongestWait;
   for (int unread = 0; ::ioctl(descriptor, FIONREAD, &unread) == 0 && unread > 0;) {
-    if (std::chrono::steady_clock::now() > end) return;
+    if (std::chrono::steady_clock::now() > end) return false;
     std::this_thread::sleep_for(kPause);
   }
+  return true;
 }
 
 }  // namespace
@@ -49,7 +50,7 @@ int StreamInTurn::sync() {
 
 bool StreamInTurn::write(std::size_t size) {
   if (size == 0) return true;
-  wait_until_read(other_);
+  waits_ = waits_ && wait_until_read(other_);
   const bool is_written = write_all(own_, std::string_view(waiting_).substr(0, size));
   waiting_.erase(0, size);
   return is_written;
@@ -71,8 +72,7 @@ StreamsInTurn::~StreamsInTurn() {
   std::cerr.tie(tied_);
   error_.finish();
   output_.finish();
-  wait_until_read(STDOUT_FILENO);
-  wait_until_read(STDERR_FILENO);
+  if (error_.waits() && output_.waits() && wait_until_read(STDOUT_FILENO)) wait_until_read(STDERR_FILENO);
 }
 
 }  // namespace varimesh::client

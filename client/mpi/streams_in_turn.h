@@ -8,12 +8,15 @@
 namespace varimesh::client {
 
 /// Writes whole lines to a descriptor when it is flushed, and only once the pipe of the other descriptor is empty.
+/// Until then it keeps what it was given in memory.
 class StreamInTurn : public std::streambuf {
  public:
   StreamInTurn(int own, int other) : own_(own), other_(other) {}
 
   /// Writes the rest, which may be no whole line.
   void finish() { (void)write(waiting_.size()); }
+  /// Whether the other pipe has always been read in time so far.
+  bool waits() const { return waits_; }
 
  private:
   int overflow(int character) override;
@@ -24,6 +27,7 @@ class StreamInTurn : public std::streambuf {
   bool write(std::size_t size);
 
   int own_, other_;
+  bool waits_ = true;
   std::string waiting_;
 };
 

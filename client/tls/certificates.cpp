@@ -82,8 +82,8 @@ bool set_serial(X509* certificate) {
   return set;
 }
 
-/// What makes a certificate one of an authority, a server or a client. All but the authority's name the key that has
-/// signed them, as RFC 5280 (section 4.2.1.1) demands; Python 3.13 refuses others.
+/// What makes a certificate one of an authority, a server or a client. Certificates of servers and clients also name
+/// the key that has signed them, as RFC 5280 (section 4.2.1.1) demands. Python 3.13 refuses certificates that do not.
 using Extensions = std::vector<std::pair<int, std::string>>;
 
 /// Returns a new key with a certificate, which the issuer signs; without an issuer the key itself does.

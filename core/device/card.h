@@ -15,7 +15,7 @@ namespace varimesh::device {
 inline constexpr int kOldestDriver = 10000;
 inline constexpr int kOldestCapability = 70;
 
-/// Whether a card runs the kernels.
+/// Whether the card's compute capability is at least kOldestCapability.
 inline bool is_new_enough(const Properties& card) { return card.capability >= kOldestCapability; }
 
 inline constexpr const char* kDriverLibrary = "libcuda.so.1";

@@ -218,9 +218,9 @@ bool Run::has_minimum_to_raise() {
   return true;
 }
 
-/// Whether the descent may begin: the energy has done what it can for the validity of cells, and no split and no other
-/// run may follow that could do more.
-/// Brings the problem to the mesh that a run with Until::Valid would hand out.
+/// Whether the descent may begin: the energy has done what it can for the validity of cells, and nothing may follow
+/// that could do more, neither a split nor another run. Brings the problem to the mesh that a run with Until::Valid
+/// would hand out.
 bool Run::can_lower_loss() {
   const bool is_done = result_.stop_reason == StopReason::Valid || result_.stop_reason == StopReason::Repaired ||
                        ended_by_itself(result_.stop_reason);

@@ -152,7 +152,7 @@ std::optional<StageRun::MethodOutcome> StageRun::raise() {
 
 Newton& StageRun::newton() {
   if (newton_) return *newton_;
-  if (device_ != nullptr)
+  if (device_ != nullptr && !gave_device_up_)
     newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_, *device_, material(options_));
   else
     newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
@@ -177,6 +177,7 @@ void StageRun::rest_newton() {
       0);
   newton_->state(writer);
   writer.finish();
+  gave_device_up_ = !newton_->is_on_device();
   newton_.reset();
 }
 
@@ -295,11 +296,11 @@ void StageRun::state(Archive& archive) {
 /// The name of the device on which steps were made. The run that goes on may have another device, or none.
 template <class Archive>
 void StageRun::device_state(Archive& archive) {
-  const std::string before = device_ == nullptr ? "" : device_->done_on();
-  std::vector<char> name(before.begin(), before.end());
-  archive(name);
-  if constexpr (Archive::kReads)
-    if (device_ != nullptr && !archive.failed()) device_->began_on(std::string(name.begin(), name.end()));
+  if constexpr (!Archive::kReads) {
+    const std::string name = device_ == nullptr ? "" : device_->done_on();
+    device_before_.assign(name.begin(), name.end());
+  }
+  archive(device_before_);
 }
 
 template <class Archive>
@@ -356,6 +357,7 @@ bool StageRun::resume(std::string_view checkpoint, std::uint64_t fingerprint, co
   if (!reader.failed()) reader(has_rest);
   if (has_rest && read_rest) read_rest(reader);
   if (reader.failed() || history_.empty()) return false;
+  if (device_ != nullptr) device_->began_on(std::string(device_before_.begin(), device_before_.end()));
   iteration_ = history_.back();
   exact_ = true;
   watch_ = Stopwatch::started(iteration_.seconds);

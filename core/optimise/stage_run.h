@@ -38,7 +38,7 @@ struct StageContext {
   Untangler::Depth untangling_depth = {};  ///< Layers of cells in the patches of untangling.
   WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; null: nobody wants to know.
   SpareMemory spare_memory = {};           ///< For the Hessians of untangling.
-  device::RunDevice* device = nullptr;     ///< For Newton's method; null: there is none.
+  device::RunDevice* device = nullptr;     ///< For Newton's method; may be null, or without a device.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -144,6 +144,8 @@ class StageRun {
   WorkMeter* meter_;
   const SpareMemory spare_memory_;
   device::RunDevice* const device_;
+  bool gave_device_up_ = false;      ///< Newton's method had no device in this stage before it rested.
+  std::vector<char> device_before_;  ///< What a checkpoint calls the device on which steps were made.
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;

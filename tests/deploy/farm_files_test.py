@@ -36,13 +36,13 @@ def flags_of_varimeshd():
 
 def is_read_only(service, name, target):
     """Whether a service of `docker-compose config` has this volume there, and cannot write to it. Version 1 prints a volume as
-    NAME:TARGET:ro, and version 2 as a mapping."""
+    NAME:TARGET:ro, and version 2 as a mapping. None: it has no such volume."""
     for volume in service["volumes"]:
         if isinstance(volume, str):
             volume = dict(zip(("source", "target", "read_only"), volume.split(":")))
         if (volume["source"], volume["target"]) == (name, target):
             return volume.get("read_only") in ("ro", True)
-    return False
+    return None
 
 
 class Compose(unittest.TestCase):
@@ -103,7 +103,7 @@ class Compose(unittest.TestCase):
         for name in ("frontend", "worker", "migrate"):
             self.assertEqual(services[name]["environment"]["PGPASSFILE"], "/password/pgpass")
             self.assertTrue(is_read_only(services[name], "password", "/password"), services[name]["volumes"])
-            self.assertFalse(is_read_only(services[name], "meshes", "/meshes"), "only that of the password")
+            self.assertIs(is_read_only(services[name], "meshes", "/meshes"), False, "only that of the password")
         (command,) = services["meshes"]["command"]
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "run/secrets").mkdir(parents=True)

@@ -14,7 +14,13 @@ constexpr int kEnergyNumber = 0;
 
 template <int d>
 int energy_number(const Material& material) {
-  return with_energy<d>(material, [](const auto& energy) { return kEnergyNumber<std::decay_t<decltype(energy)>>; });
+  return with_energy<d>(material, [](const auto& energy) {
+    using E = std::decay_t<decltype(energy)>;
+    // with_energy() never chooses the true Winslow energy in two dimensions, where the paper's is the same.
+    constexpr bool is_chosen = d == 3 || !std::is_same_v<E, WinslowEnergy<d, Winslow::True>>;
+    static_assert(kEnergyNumber<E> > 0 || !is_chosen, "kernels/energies.h lists every energy");
+    return kEnergyNumber<E>;
+  });
 }
 
 }  // namespace

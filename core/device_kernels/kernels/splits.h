@@ -2,7 +2,7 @@
 //
 // The nodes of a cell stand in columns. A simplex has one node in each. A quadrilateral, a hexahedron or a prism is a
 // line, a quadrilateral or a triangle times a line: each node of the base has a column above it. Derivatives are then
-// taken in two steps, along the columns and in the base: on a hexahedron of order 4 with an eighth of the
+// taken in two steps, along the columns and in the base: on a hexahedron of order 4 with less than a quarter of the
 // multiplications.
 //
 // The columns are split among the threads of a cell. A thread has 255 registers, and keeps in them what belongs to its
@@ -49,8 +49,8 @@ constexpr int registers_of(CellKernel kernel, CellKind kind, int parts) {
   return vectors * columns_of_part(kind, parts) * kind.dimension * (kernel == CellKernel::Product ? 1 : 2);
 }
 
-/// A power of two. Tetrahedra: nodes per part that were measured on a card. All others: as few parts as fit into the
-/// registers, of which the work at a point needs the rest; NVIDIA's assembler then spills none.
+/// A power of two. Tetrahedra: the nodes per part that were best at order 4 on a card. All others: as few parts as fit
+/// into the registers, of which the work at a point needs the rest; NVIDIA's assembler then spills none.
 constexpr int parts_of(CellKernel kernel, CellKind kind) {
   const bool is_tetrahedron = kind.dimension == 3 && !kind.is_layered();
   const int most_columns = !is_tetrahedron                  ? kind.columns
@@ -65,7 +65,7 @@ constexpr int parts_of(CellKernel kernel, CellKind kind) {
   return parts;
 }
 
-/// Rows of a table for so many points: as many more as a turn needs.
+/// The points, rounded up to whole turns.
 constexpr int padded_points(int points, int parts) {
   return (points + turns_of(parts) - 1) / turns_of(parts) * turns_of(parts);
 }

@@ -21,8 +21,6 @@ constexpr double kMostShare = 0.75;
 constexpr double kMostShareBeforeRefining = 0.5;
 /// Of a limit of time: if the first run has taken no more, all nodes move together before elements are split.
 constexpr double kShareOfFirst = 0.25;
-/// A limit of time that is over. 0 would mean no limit.
-constexpr double kNoTime = 1e-9;
 /// Rounds of refining: at most, and in a row without fewer elements that are left.
 constexpr int kMostRounds = 12, kMostInVain = 3;
 
@@ -55,11 +53,11 @@ class Runs {
     best_.result = std::move(first->result);
     best_.slid = std::move(first->slid);
     is_unfinished_ = first->is_unfinished;
-    const bool is_limited = refines_ && options_.time_limit > 0;
+    const bool refines_in_time = refines_ && options_.time_limit > 0;
     // Refining adds elements, and may help sooner.
-    const bool is_in_haste = is_limited && spent() > kShareOfFirst * options_.time_limit;
-    if (!is_in_haste) move_together(is_limited ? kMostShareBeforeRefining : kMostShare);
-    if (!is_limited) try_without_sliding();
+    const bool is_in_haste = refines_in_time && spent() > kShareOfFirst * options_.time_limit;
+    if (!is_in_haste) move_together(refines_in_time ? kMostShareBeforeRefining : kMostShare);
+    if (!refines_in_time) try_without_sliding();
     if (refines_ && left(best_.result) > 0 && may_be_split(mesh_)) {
       options_.repair = Repair::Split;
       split_inside();
@@ -67,7 +65,7 @@ class Runs {
       options_.repair = Repair::Report;  // more splits might exceed the bound on elements
     }
     if (is_in_haste) move_together(kMostShare);
-    if (is_limited) try_without_sliding();
+    if (refines_in_time) try_without_sliding();
     finish();
     tell_of_refining();
     best_.result.stopped = best_.result.stopped || is_stopped_;
@@ -109,8 +107,9 @@ class Runs {
   }
   void try_without_sliding() {
     if (!has_other_ways()) return;
-    if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, 1);
-    if (left(best_.result) > 0) try_other(SlideOn::None, {}, is_unfinished_ ? kMostShare : 1);
+    const double share = is_unfinished_ ? kMostShare : 1;
+    if (geometry_.on_boundary()) return try_other(SlideOn::None, kAskForMinimum, share);
+    if (left(best_.result) > 0) try_other(SlideOn::None, {}, share);
   }
 
   /// By the caller.
@@ -259,17 +258,20 @@ class Runs {
   /// Gives the best mesh the rest of the time if its run has left it unfinished. Its boundary stays, and nothing more
   /// is split.
   void finish() {
-    if (!is_unfinished_ || !may_go_on()) return;
+    if (!is_unfinished_ || is_ended()) return;
+    if (!may_go_on()) return end_for_want_of_time();
     if (splits(options_.repair)) options_.repair = Repair::Report;
     auto last = run(best_.result.mesh, {.share = 1, .is_curved = true});
     if (last) is_stopped_ = last->result.stopped || last->cut_short == StopToken::Reason::Asked;
-    if (!last || last->cut_short != StopToken::Reason::None) return;
+    if (last && last->cut_short == StopToken::Reason::TimeLimit) return end_for_want_of_time();
+    if (!last || is_stopped_) return;
     Options resolved = options_;
     resolved.objective = objective_of(options_, best_.result.mesh.order);
     const Merit merit = merit_of(last->result.after), before = merit_of(best_.result.after);
-    if (!is_better(merit, before, asked_by(resolved))) {  // the best mesh stays, and this has shown why
-      best_.result.stop_reason = last->result.stop_reason;
-      best_.result.converged = last->result.converged;
+    if (!is_better(merit, before, asked_by(resolved))) {  // the best mesh stays, and is no optimum
+      const bool is_optimum = last->result.stop_reason == StopReason::Converged;
+      best_.result.stop_reason = is_optimum ? StopReason::NoProgress : last->result.stop_reason;
+      best_.result.converged = false;
       return;
     }
     // What was said about elements that are left is wrong if fewer are.
@@ -277,6 +279,12 @@ class Runs {
     steps.insert(steps.end(), last->result.repairs.begin(), last->result.repairs.end());
     last->result.repairs = std::move(steps);
     take_refined(best_, std::move(last->result), std::move(last->slid));
+  }
+
+  /// The run of the best mesh was to leave its loss to a later run, which has no time.
+  void end_for_want_of_time() {
+    best_.result.stop_reason = StopReason::TimeLimit;
+    best_.result.converged = false;
   }
 
   Expected<RunOnGeometry> run(HighOrderMesh mesh, const RunTask& task) {

@@ -71,10 +71,10 @@ struct ResultOnGeometry {
 /// On the mesh's own boundary, the mesh is optimised with its boundary as it came too. Of two results with as many
 /// elements left, the one with the larger smallest scaled Jacobian is taken.
 ///
-/// With SlideOn::None there is one run. Options::time_limit is for everything together: while another run may follow, a
-/// run leaves a quarter of what is left to it, sliding leaves a quarter of its run's time to the optimisation, and a
-/// mesh in which elements are left is given to the next run soon (RunControl::another_follows). At the end, the best
-/// mesh is optimised once more in the time that is left, with its boundary fixed, if its own run had not enough.
+/// With SlideOn::None there is one run. Options::time_limit is for everything together. While another run may follow, a
+/// run leaves a quarter of what is left to it, and sliding leaves a quarter of its run's time to the optimisation. A
+/// run that leaves elements does not lower the loss of accuracy either (RunControl::another_follows). At the end, the
+/// best mesh is optimised once more in the time that is left, with its boundary fixed, if its own run had not enough.
 /// Options::max_iterations is for each run. Iterations are numbered through for `on_iteration`. No run begins after the
 /// caller has asked for a stop.
 ///

@@ -105,6 +105,10 @@ std::vector<RepairStep> splits_of(std::vector<RepairStep> steps) {
 
 void take_refined(ResultOnGeometry& best, Result&& other, std::optional<SlidAndMeasured>&& slid) {
   other.before = std::move(best.result.before);
+  if (other.device.empty() && !best.result.device.empty()) {  // the other made no step on it, but the run has used it
+    other.device = std::move(best.result.device);
+    other.notes = std::move(best.result.notes);
+  }
   if (slid && best.slid) {
     slid->slid.sentences = std::move(best.slid->slid.sentences);
     slid->slid.straight_elements = best.slid->slid.straight_elements;

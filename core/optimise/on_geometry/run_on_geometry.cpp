@@ -12,8 +12,6 @@ namespace {
 
 /// Of the time of a run: what sliding takes at most.
 constexpr double kMostToSlide = 0.75;
-/// A limit of time that is over. 0 would mean no limit.
-constexpr double kNoTime = 1e-9;
 
 /// The optimisation does not know that boundary nodes have slid before it.
 void forget_that_nothing_moved(std::vector<std::string>& notes) {

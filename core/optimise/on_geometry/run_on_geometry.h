@@ -13,6 +13,9 @@
 
 namespace varimesh {
 
+/// A limit of time that is over, in seconds. 0 would mean no limit.
+inline constexpr double kNoTime = 1e-9;
+
 /// What one run does.
 struct RunTask {
   SlideOn slide = SlideOn::None;

@@ -1,5 +1,5 @@
-// How long the kernels of a device take: nanoseconds per cell for every kind of cells that has kernels of its own, with
-// the goals for tetrahedra of order 4, and milliseconds for a step of conjugate gradients on them.
+// How long the kernels of a device take: nanoseconds per cell for cells of orders 2 to 4, with the goals for tetrahedra
+// of order 4, and milliseconds for a step of conjugate gradients on them.
 //
 //   core_device_bench [--cells N] [--processor]
 //
@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <optional>
