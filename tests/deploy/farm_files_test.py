@@ -103,7 +103,8 @@ class Compose(unittest.TestCase):
         for name in ("frontend", "worker", "migrate"):
             self.assertEqual(services[name]["environment"]["PGPASSFILE"], "/password/pgpass")
             self.assertTrue(is_read_only(services[name], "password", "/password"), services[name]["volumes"])
-            self.assertIs(is_read_only(services[name], "meshes", "/meshes"), False, "only that of the password")
+        for name in ("frontend", "worker"):
+            self.assertIs(is_read_only(services[name], "meshes", "/meshes"), False, services[name]["volumes"])
         (command,) = services["meshes"]["command"]
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "run/secrets").mkdir(parents=True)
