@@ -185,11 +185,13 @@ async function showJob(name, signal) {
   ready();
   const ended = new AbortController();
   signal.addEventListener('abort', () => ended.abort());
-  if (!hasEnded(job) && !isJudged(job)) followMesh(name, mesh, ended.signal);
+  const wasOver = hasEnded(job);  // then its events tell of the past
+  if (!wasOver && !isJudged(job)) followMesh(name, mesh, ended.signal);
   job = await follow(name, (event) => {
     progress.take(event);
-    if (event.stateChange) Object.assign(job, {state: event.stateChange.state});
-    if (event.stateChange && !hasEnded(job)) describe();
+    if (wasOver || !event.stateChange) return;
+    Object.assign(job, {state: event.stateChange.state});
+    if (!hasEnded(job)) describe();
   }, signal).finally(() => ended.abort());
   signal.throwIfAborted();
   progress.end();
