@@ -20,7 +20,7 @@ struct SplitTables {
   std::vector<std::int32_t> nodes;  ///< CellTables::nodes.
   std::vector<std::int32_t> slots;  ///< CellTables::slots.
 
-  /// CellTables::derivatives for a kernel with so many parts.
+  /// CellTables::derivatives for a kernel that splits a cell into this many parts.
   template <class T>
   std::vector<T> derivatives(int parts) const;
 };

@@ -38,7 +38,7 @@ HWY_INLINE void forget_loads() {
 template <int parts>
 inline constexpr int kHere = kOnDevice ? 1 : parts;
 
-/// Points that are worked on at once.
+/// As device::turns_of().
 template <int parts>
 inline constexpr int kTurns = device::turns_of(parts);
 

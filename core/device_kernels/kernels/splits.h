@@ -36,7 +36,7 @@ enum class CellKernel { Energy, Gradient, Product };
 /// The most parts: a batch has sixteen cells, and a warp of threads two of them.
 inline constexpr int kMostParts = 16;
 
-/// Points that are worked on at once, one by each of so many parts.
+/// How many points the threads of a cell work on at once: as many as the cell has parts, but at most four.
 constexpr int turns_of(int parts) { return parts < 4 ? parts : 4; }
 
 constexpr int columns_of_part(CellKind kind, int parts) { return (kind.columns + parts - 1) / parts; }
@@ -49,8 +49,9 @@ constexpr int registers_of(CellKernel kernel, CellKind kind, int parts) {
   return vectors * columns_of_part(kind, parts) * kind.dimension * (kernel == CellKernel::Product ? 1 : 2);
 }
 
-/// A power of two. Tetrahedra: the nodes per part that were best at order 4 on a card. All others: as few parts as fit
-/// into the registers, of which the work at a point needs the rest; NVIDIA's assembler then spills none.
+/// Into how many parts a kernel splits a cell: a power of two. A part of a tetrahedron has at most the number of nodes
+/// that was fastest at order 4 on a card. All other cells have the fewest parts whose columns leave enough registers
+/// for the work at a point, so that NVIDIA's assembler keeps no number in memory.
 constexpr int parts_of(CellKernel kernel, CellKind kind) {
   const bool is_tetrahedron = kind.dimension == 3 && !kind.is_layered();
   const int most_columns = !is_tetrahedron                  ? kind.columns

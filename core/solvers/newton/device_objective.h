@@ -30,7 +30,7 @@ class DeviceObjective final : public Minimised {
   DeviceObjective(device::Device& device, Problem& problem, const Kernels& kernels, const HessianKernels& hessian,
                   const Material& material, const PNorm& norm, const Team& team);
 
-  /// From now on counts assemblies and products with this meter; null: with none.
+  /// Reports assemblies and products to `meter`, which may be null and must outlive the object.
   void count_with(WorkMeter* meter) { meter_ = meter; }
 
   double linearise(bool renews) override;

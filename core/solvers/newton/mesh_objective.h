@@ -22,8 +22,8 @@ class MeshObjective final : public Minimised {
   MeshObjective(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
                 const Team& team);
 
-  /// From now on counts assemblies and products, and what the kernels do, with this meter, which must outlive the
-  /// object; null: with none. `point`: the operations of the kernels' energy.
+  /// Reports assemblies, products and what the kernels do to `meter`, which may be null and must outlive the object.
+  /// `point`: the operations of the kernels' energy.
   void count_with(WorkMeter* meter, const PointOperations& point) {
     meter_ = meter;
     energy_.count_with(meter, point, meter);

@@ -63,8 +63,8 @@ class Sweeper {
   /// The same if the new scans of all cells are known and no deformation gradients are held.
   void changed(std::span<const CellScan> scans);
 
-  /// From now on counts visits, and what the kernels do, with this meter, which must outlive the object; null: with
-  /// none. `point`: the operations of the kernels' energy.
+  /// Reports visits and what the kernels do to `meter`, which may be null and must outlive the object. `point`: the
+  /// operations of the kernels' energy.
   void count_with(WorkMeter* meter, const PointOperations& point) {
     meter_ = meter;
     point_ = point;

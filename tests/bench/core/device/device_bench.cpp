@@ -3,8 +3,9 @@
 //
 //   core_device_bench [--cells N] [--processor]
 //
-// N: about so many cells of each kind, 1,000,000 by default. --processor: the processor in the card's place, to try the
-// program. Ends with 1 if a goal is missed or a device has a fault, with 77 if there is no card.
+// N is the approximate number of cells of each kind; 1,000,000 by default. --processor runs on the processor in place
+// of a card, which tests the program. The exit status is 1 if a goal is missed or a device has a fault, and 77 if there
+// is no card.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
