@@ -56,14 +56,6 @@ KERNEL(product, a.nodes, product())
 KERNEL(node_block, a.nodes, node_block())
 KERNEL(mean_tensor, 1, mean_tensor())
 
-VARIMESH_KERNEL add_up_products(device::SumArguments a) { add_up_products_of_block<d>(a); }
-
-VARIMESH_KERNEL add_up_gradients(device::SumArguments a) { add_up_gradient<d>(a, thread()); }
-
-VARIMESH_KERNEL keep_cell_gradients(device::NormArguments a) { keep_cell_gradient<d>(a, thread()); }
-
-VARIMESH_KERNEL along_cell_gradients(device::NormArguments a) { along_cell_gradient<d>(a, thread()); }
-
-VARIMESH_KERNEL add_norm_terms(device::NormArguments a) { add_norm_term<d>(a, thread()); }
-
 }  // namespace varimesh::N_ONE_LANE
+
+#include "core/device_kernels/card/sums-inl.h"
