@@ -5,6 +5,7 @@
 #include <sched.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
+#include <unistd.h>
 
 #include <cstddef>
 
@@ -48,12 +49,15 @@ void CallFilter::trap(long call) {
   add(BPF_RET | BPF_K, SECCOMP_RET_TRAP);
 }
 
-void CallFilter::allow_if(long call, int argument, std::uint32_t mask, std::uint32_t bits) {
-  only_for(call, 5);
-  load(place_of(argument));
-  add(BPF_ALU | BPF_AND | BPF_K, mask);
-  add(BPF_JMP | BPF_JEQ | BPF_K, bits, 0, 1);
-  answer_allowed();
+void CallFilter::allow_any(long call, int argument, std::initializer_list<Bits> those) {
+  constexpr std::size_t kEach = 4;
+  only_for(call, static_cast<std::uint8_t>(kEach * those.size() + 1));
+  for (const auto& [mask, bits] : those) {
+    load(place_of(argument));
+    add(BPF_ALU | BPF_AND | BPF_K, mask);
+    add(BPF_JMP | BPF_JEQ | BPF_K, bits, 0, 1);
+    answer_allowed();
+  }
   answer_refused(EPERM);
 }
 
@@ -77,14 +81,15 @@ void CallFilter::allow_threads() {
   allow_if(SYS_clone, 0, kThread | kOtherViews, kThread);
 }
 
-bool CallFilter::install() {
+bool CallFilter::install(bool all_threads) {
   if (kArchitecture == 0) {
     errno = ENOSYS;
     return false;
   }
   answer_refused(EPERM);
   const sock_fprog program{static_cast<unsigned short>(code_.size()), code_.data()};
-  return prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+  if (!all_threads) return prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+  return ::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program) == 0;
 }
 
 void CallFilter::load(std::size_t at) { add(BPF_LD | BPF_W | BPF_ABS, static_cast<std::uint32_t>(at)); }

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <vector>
 
 namespace varimesh {
@@ -19,9 +20,16 @@ class CallFilter {
   void allow(long call);
   /// The thread that makes the call gets SIGSYS, whose handler gives the call its result.
   void trap(long call);
-  /// Allows the call if the lower half of the argument has exactly these of the bits of `mask`. Otherwise it fails with
-  /// EPERM.
-  void allow_if(long call, int argument, std::uint32_t mask, std::uint32_t bits);
+  /// Of the bits of `mask`, the lower half of an argument has exactly these.
+  struct Bits {
+    std::uint32_t mask, bits;
+  };
+  /// Allows the call if the argument is like this. Otherwise it fails with EPERM.
+  void allow_if(long call, int argument, std::uint32_t mask, std::uint32_t bits) {
+    allow_any(call, argument, {{mask, bits}});
+  }
+  /// The same if the argument is like one of these.
+  void allow_any(long call, int argument, std::initializer_list<Bits> those);
   /// Allows the call if the argument is a null pointer. Otherwise it fails with EPERM.
   void allow_null(long call, int argument);
   /// Threads are allowed, but no processes, and no threads that see another machine than this one.
@@ -29,7 +37,8 @@ class CallFilter {
 
   /// From now on the rules hold for this thread and those that it starts. The process must have given up new rights
   /// (PR_SET_NO_NEW_PRIVS). Returns false, with errno, if the system has no such filters. Call it once.
-  bool install();
+  /// @param all_threads  the rules hold for the threads that the process has already, too
+  bool install(bool all_threads = false);
 
  private:
   void load(std::size_t at);

@@ -15,6 +15,7 @@
 #include <cstring>
 
 #include "core/process/call_filter.h"
+#include "core/process/driver_rules.h"
 
 namespace varimesh {
 namespace {
@@ -132,24 +133,25 @@ void answer_here(int, siginfo_t* info, void* context) {
   errno = kept;
 }
 
-bool install_filter(bool threads) {
+bool install_filter(const Confinement& keeps) {
   struct sigaction action {};
   action.sa_sigaction = answer_here;
   action.sa_flags = SA_SIGINFO | SA_NODEFER | SA_ONSTACK;
   if (::sigaction(SIGSYS, &action, nullptr) != 0) return false;
   CallFilter filter;
+  if (keeps.has_device) allow_calls_of_the_driver(filter);
   for (const long call : kAllowed) filter.allow(call);
   for (const long call : {SYS_newfstatat, SYS_openat}) filter.trap(call);
 #ifdef SYS_open
   filter.trap(SYS_open);
 #endif
-  if (threads) filter.allow_threads();
+  if (keeps.threads) filter.allow_threads();
   filter.allow_if(SYS_mmap, 2, PROT_EXEC, 0);
   filter.allow_if(SYS_mprotect, 2, PROT_EXEC, 0);
   // Limits may be read, not changed. Signals to itself only.
   filter.allow_null(SYS_prlimit64, 2);
   filter.allow_if(SYS_tgkill, 0, ~std::uint32_t{0}, static_cast<std::uint32_t>(getpid()));
-  return filter.install();
+  return filter.install(keeps.has_threads);
 }
 
 }  // namespace
@@ -167,9 +169,10 @@ void begin_confinement() {
 bool confine_this_process(const Confinement& keeps) {
   constexpr rlim_t kSecondsToEnd = 5;
   if (keeps.processor_seconds > 0) limit(RLIMIT_CPU, static_cast<rlim_t>(keeps.processor_seconds), kSecondsToEnd);
-  if (rlimit now{}; keeps.memory > 0 && getrlimit(RLIMIT_AS, &now) == 0) {
+  const auto kind = keeps.has_device ? RLIMIT_DATA : RLIMIT_AS;
+  if (rlimit now{}; keeps.memory > 0 && getrlimit(kind, &now) == 0) {
     const rlim_t most = std::min(static_cast<rlim_t>(keeps.memory), now.rlim_max);
-    limit(RLIMIT_AS, most, keeps.memory_can_be_raised ? now.rlim_max - most : 0);
+    limit(kind, most, keeps.memory_can_be_raised ? now.rlim_max - most : 0);
   }
   limit(RLIMIT_FSIZE, static_cast<rlim_t>(keeps.file_bytes));
   // The filter refuses both anyway. A limit above 0 would count what other processes of this user have, too.
@@ -177,11 +180,12 @@ bool confine_this_process(const Confinement& keeps) {
   // The next descriptor would be the lowest free number, which must be below the limit.
   if (const int next = ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0); next >= 0) {
     ::close(next);
-    limit(RLIMIT_NOFILE, static_cast<rlim_t>(next + keeps.more_descriptors));
+    const int more = keeps.more_descriptors + (keeps.has_device ? kDriverDescriptors : 0);
+    limit(RLIMIT_NOFILE, static_cast<rlim_t>(next + more));
   }
   opened_path = keeps.path;
   opened_file = keeps.file;
-  return install_filter(keeps.threads);
+  return install_filter(keeps);
 }
 
 }  // namespace varimesh

@@ -8,40 +8,24 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
-#include <functional>
 #include <string>
 #include <system_error>
 #include <thread>
 #include <vector>
 
+#include "tests/core/process/behind_the_filter.h"
+
 namespace varimesh {
 namespace {
 
-/// Runs `work` in a child behind the filter. Returns its exit status: `work` returns it; 99 without a filter.
-int behind_the_filter(const std::function<int()>& work, const Confinement& keeps = {}) {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    begin_confinement();
-    if (!confine_this_process(keeps)) ::_exit(99);
-    ::_exit(work());
-  }
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
-}
-
-/// 0 if the call was refused with EPERM.
-template <class Result>
-int refused(Result result) {
-  return result < 0 && errno == EPERM ? 0 : 1;
-}
+using testing::behind_the_filter;
+using testing::refused;
 
 TEST(Sandbox, RefusesFilesSocketsProgramsAndSignals) {
   EXPECT_EQ(behind_the_filter([] { return refused(::open("/etc/passwd", O_RDONLY)); }), 0);
