@@ -35,6 +35,7 @@
 #include "server/command_line/flags.h"
 #include "server/fetch/fetch.h"
 #include "server/fetch/post.h"
+#include "server/isolation/devices/devices.h"
 #include "server/isolation/process_engine.h"
 #include "server/log/log.h"
 #include "server/maintenance/commands.h"
@@ -211,6 +212,26 @@ varimesh::Expected<varimesh::server::Engine> engine_for(const Flags& flags) {
                                            .warn = [](const std::string& line) { spdlog::warn("{}", line); }});
 }
 
+/// Gives jobs the devices that the user wants them to have, after each was opened once.
+varimesh::Expected<void> give_devices(Flags& flags) {
+  if (flags.devices == 0) return {};
+  if (!flags.runs_in_processes)
+    return varimesh::bad_option(
+        "--devices needs jobs in processes of their own, because a card that fails takes its process along; leave out "
+        "--isolation none.");
+  if (flags.options.role == varimesh::server::Role::Frontend)
+    return varimesh::bad_option(
+        "a front end runs no jobs, so it has no devices for them; give --devices to the workers.");
+  auto names = varimesh::server::names_of_devices(flags.devices, std::getenv("CUDA_VISIBLE_DEVICES"));
+  if (!names) return tl::unexpected(names.error());
+  auto cards = varimesh::server::try_devices(varimesh::server::find_worker(), *names);
+  if (!cards) return tl::unexpected(cards.error());
+  spdlog::info("jobs may have {} device(s): {}", names->size(), *cards);
+  flags.options.devices = std::move(*names);
+  flags.options.device_names = std::move(*cards);
+  return {};
+}
+
 /// The headers for the collector: those of the environment, and those of the file of --traces-headers.
 varimesh::Expected<std::string> headers_for_traces(const std::string& file) {
   const char* const given = std::getenv("OTEL_EXPORTER_OTLP_HEADERS");
@@ -294,8 +315,9 @@ int main(int argc, char** argv) {
   if (varimesh::server::can_fetch()) flags->options.web_tokens.fetch = varimesh::server::fetch;
   flags->options.webhooks.post = varimesh::server::post;
   auto engine = engine_for(*flags);
-  if (!engine) {
-    std::cerr << "varimeshd: " << engine.error().sentence << '\n';
+  const auto prepared = engine ? give_devices(*flags) : tl::unexpected(engine.error());
+  if (!prepared) {
+    std::cerr << "varimeshd: " << prepared.error().sentence << '\n';
     return 2;
   }
   flags->options.engine = std::move(*engine);

@@ -102,6 +102,9 @@ Expected<void> Server::start_scheduler() {
   settings.has_room = [this] { return stores_->meshes().has_room(); };
   settings.new_name = options_.new_name ? options_.new_name : random_name;
   settings.memory = options_.limits.max_memory_bytes;
+  settings.devices = options_.devices;
+  settings.jobs_per_device = options_.jobs_per_device;
+  settings.device_names = options_.device_names;
   settings.launch = [this](int threads, SchedulerSettings::Job job) { threads_.launch(threads, std::move(job)); };
   settings.log = [](const std::string& job, const std::string& what) {
     const LogScope scope({.job = job.starts_with("jobs/") ? job : ""});
@@ -171,6 +174,9 @@ Expected<void> Server::start_metrics_port() {
           now.pending = counts->pending;
           now.running = counts->running;
         }
+        now.devices = scheduler_->devices().devices();
+        now.busy_devices = scheduler_->devices().busy();
+        now.jobs_on_devices = scheduler_->devices().jobs();
         now.store_bytes = stores_->meshes().stored_bytes();
         now.waiting_calls = stores_->jobs().waiting_calls().value_or(0);
         const auto oldest = scheduler_->oldest_pending();

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/base/error.h"
 #include "server/access/json_web_tokens.h"
@@ -64,6 +65,9 @@ struct ServerOptions {
   bool isolates =
       false;      ///< The engine runs each job in a process of its own, and tells when that process has crashed.
   Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
+  std::vector<std::string> devices = {};  ///< For jobs, as CUDA_VISIBLE_DEVICES names each. Empty: jobs have none.
+  int jobs_per_device = 1;                ///< That may have the same device at a time.
+  std::string device_names = {};          ///< What these devices are called.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   SpanSink spans;              ///< Takes what the parts of the work took, for a trace. Empty: nobody wants it.
   std::function<void()> lost;  ///< Called once if the server has not reached itself for `limits.watchdog`.

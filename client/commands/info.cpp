@@ -29,6 +29,7 @@ int info(const CommonFlags& flags) {
   if (flags.server.empty()) {
     answer->set_takes_geometries(!find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE").empty());
     answer->set_device(first_card());
+    answer->set_devices(answer->device().empty() ? 0 : 1);
   }
   const Json entries = document(*answer);
   if (flags.json) {

@@ -296,6 +296,9 @@ Json document(const v1::GetServerInfoResponse& info) {
           {"output_formats", outputs},
           {"takes_geometries", info.takes_geometries()},
           {"device", info.device()},
+          {"devices", info.devices()},
+          {"busy_devices", info.busy_devices()},
+          {"jobs_on_devices", info.jobs_on_devices()},
           {"energies", energies}};
 }
 

@@ -219,12 +219,16 @@ grpc::ServerUnaryReactor* JobService::info(Call* call, const Request* bytes, v1:
     response->set_takes_layers(true);
     response->set_keeps_orders(true);
     response->set_takes_webhooks(api_.scheduler.takes_webhooks());
+    response->set_device(api_.scheduler.device_names());
+    response->set_devices(api_.scheduler.devices().devices());
     if (!view.caller().rights.contains(kRead)) return grpc::Status::OK;
     *response->mutable_start_time() = timestamp(api_.start_time);
     const auto counts = api_.scheduler.counts();
     if (!counts) return status(counts.error());
     response->set_pending_jobs(counts->pending);
     response->set_running_jobs(counts->running);
+    response->set_busy_devices(api_.scheduler.devices().busy());
+    response->set_jobs_on_devices(api_.scheduler.devices().jobs());
     if (const auto bytes = view.share()) response->set_owner_bytes(*bytes);
     return grpc::Status::OK;
   };

@@ -18,6 +18,7 @@ struct Flags {
   std::string traces_headers;     ///< A file with headers for that collector. Empty: none.
   std::string store;              ///< The address of the database of the jobs. Empty: they are in the state directory.
   bool runs_in_processes = true;  ///< Every job runs in a process of its own.
+  int devices = 0;                ///< How many devices jobs may have.
   bool migrate = false;           ///< Only make or update the tables of that database.
   int drain_seconds = 30;         ///< How long the running jobs may take to end when the server stops.
 };

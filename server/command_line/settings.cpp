@@ -92,6 +92,14 @@ void add_resource_flags(CLI::App& app, Flags& flags) {
       ->default_str(flags.runs_in_processes ? "process" : "none");
   app.add_option("--threads", limits.threads, "Threads shared by the running jobs; 0: all threads of the machine")
       ->check(CLI::Range(0, 4096));
+  app.add_option("--devices", flags.devices,
+                 "Graphics cards that jobs with the option device may have, each one job at a time: the first ones of "
+                 "CUDA_VISIBLE_DEVICES. The processes of these jobs have a weaker sandbox; 0: no job has a device")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 64));
+  app.add_option("--jobs-per-device", flags.options.jobs_per_device, "Jobs that may have the same device at a time")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
   app.add_option("--max-memory-bytes", limits.max_memory_bytes,
                  "Memory that all running jobs may use together; a job that needs more fails (default: nine tenths of "
                  "the machine's; 0: no limit)")

@@ -35,6 +35,8 @@ struct RunRequest {
   bool keep_orders = false;                ///< Elements that came at a lower order are written so again.
   std::shared_ptr<const Blob> cad_file;    ///< The CAD file if they slide on a model. core_engine() does not read it.
   std::shared_ptr<const geometry::CadModel> model;  ///< The model once it is read. core_engine() slides on it.
+  std::string device;         ///< The device that the run may have, as CUDA_VISIBLE_DEVICES names it. Empty: none.
+  std::string why_no_device;  ///< Why it has none although the server has some: a sentence for the result.
 };
 
 /// How a run ended.
@@ -52,11 +54,11 @@ struct RunOutcome {
   std::string lost;
 };
 
-/// Jobs have no graphics card, unless the caller opens one.
+/// Jobs have no graphics card, unless the caller opens one or a process of theirs has one (server/isolation).
 inline RunControl without_a_card() {
   RunControl control;
   control.open_device = [] {
-    return device::fault(device::Fault::Kind::NoDriver, "Jobs of a server have no graphics card.");
+    return device::fault(device::Fault::Kind::NoDriver, "This server gives its jobs no device.");
   };
   return control;
 }
@@ -89,6 +91,8 @@ struct RunHooks {
   std::function<Expected<bool>(std::int64_t bytes)> admit;
   /// Whether a stopped run will be continued by another server, so that nobody needs its outputs.
   std::function<bool()> given_up;
+  /// Called if the run will not use RunRequest::device. May be empty.
+  std::function<void()> device_unused;
   /// Returns the sink for the next output. The format is never UNSPECIFIED.
   std::function<Sink(v1::MeshFormat)> open_output;
 };
@@ -103,6 +107,8 @@ struct Engine {
   std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> run;
   /// Checks whether a job with these options can have a geometry here. Empty: it can have none. Errors: BadOption.
   std::function<Expected<void>(const v1::Geometry&, const Options&)> check_geometry = {};
+  /// Whether a run with these options can use a device, if the mesh is large enough. Empty: it can.
+  std::function<bool(const Options&)> uses_device = {};
 };
 
 /// The engine that uses the numerical library. It takes no CAD models, because it has no process to read them in: they

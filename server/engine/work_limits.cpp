@@ -32,6 +32,7 @@ Engine within(const WorkLimits& limits, Engine engine) {
     return run(std::move(request), hooks);
   };
   limited.check_geometry = std::move(engine.check_geometry);
+  limited.uses_device = std::move(engine.uses_device);
   return limited;
 }
 

@@ -17,18 +17,19 @@
 #include "core/base/utf8.h"
 #include "core/formats/formats.h"
 #include "core/geometry/load.h"
+#include "core/optimise/device/device_choice.h"
+#include "core/process/driver_rules.h"
 #include "core/process/helper_program.h"
 #include "core/threads/crew.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/models/draw_model.h"
-#include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/hdf5_programs.h"
 #include "server/isolation/loan.h"
+#include "server/isolation/messages.h"
 #include "server/isolation/plain_texts.h"
 #include "server/isolation/reported_work.h"
 #include "server/isolation/said.h"
-#include "server/isolation/steering.h"
 #include "server/isolation/thread_watch.h"
 #include "server/isolation/worker.pb.h"
 #include "server/isolation/worker_process.h"
@@ -66,7 +67,9 @@ class Conversation {
         said_(std::max(1, static_cast<int>(request_.outputs.size()))),
         hdf5_(watch) {
     settings_.started(static_cast<int>(id_));
-    watch_.add(id_, most_threads());
+    const std::int64_t shared = mesh_bytes_ + checkpoint_bytes_ + kDriverSharedBytes;
+    request_.device.empty() ? watch_.add(id_, most_threads())
+                            : watch_.add(id_, most_threads() + kDriverThreads, shared);
   }
   ~Conversation() { watch_.forget(id_); }
   Conversation(const Conversation&) = delete;
@@ -84,13 +87,7 @@ class Conversation {
   void send_request() {
     worker::ToWorker message;
     worker::Request& request = *message.mutable_request();
-    request.set_format(request_.format);
-    *request.mutable_options() = to_proto(request_.options);
-    for (const v1::MeshFormat output : request_.outputs) request.add_outputs(output);
-    if (request_.quality) *request.mutable_quality() = *request_.quality;
-    if (request_.geometry) *request.mutable_geometry() = *request_.geometry;
-    if (request_.layers) *request.mutable_layers() = *request_.layers;
-    request.set_keep_orders(request_.keep_orders);
+    request = message_of(request_);
     request.set_draws_model(has_cad_file_ && !request_.geometry);
     request.set_mesh_bytes(mesh_bytes_);
     request.set_checkpoint_bytes(checkpoint_bytes_);
@@ -134,7 +131,7 @@ class Conversation {
     fail_ended();
   }
   [[noreturn]] void fail_ended() {
-    if (watch_.has_killed(id_)) throw ProcessLost{"started more threads than it may"};
+    if (const char* const why = watch_.why_killed(id_)) throw ProcessLost{why};
     process_->fail_ended();
   }
 
@@ -150,9 +147,12 @@ class Conversation {
     if (std::exchange(told_, std::move(told)) != message.steering().SerializeAsString()) send(message);
   }
 
-  /// Ends a process that takes longer than the library ever does.
+  /// Ends a process that takes longer than the library ever does, or than a driver may.
   void check_time() const {
     const steady_clock::time_point now = steady_clock::now();
+    const Seconds to_begin = kPatience + Seconds(has_cad_file_ ? kSecondsForGeometry : 0);
+    if (!request_.device.empty() && !has_started_ && now - began_ > to_begin)
+      throw ProcessLost{"did not open its device in time"};
     if (request_.options.time_limit > 0 && Seconds(now - began_).count() > most_seconds())
       throw ProcessLost{"did not end within " + std::to_string(static_cast<std::int64_t>(most_seconds())) +
                         " s, with a time limit of " +
@@ -219,6 +219,8 @@ class Conversation {
         return store([&] { full_ = full_ || output_ == nullptr || !output_(message.output_piece()); });
       case worker::FromWorker::kHdf5:
         return start_hdf5(message.hdf5());
+      case worker::FromWorker::kDeviceUnused:
+        return give_device_back();
       case worker::FromWorker::kHistory:
         return history_.MergeFrom(message.history());
       case worker::FromWorker::kFailure:
@@ -259,28 +261,24 @@ class Conversation {
     *message.mutable_answer()->mutable_steering() = steering();
     send(message, file);
   }
-  void answer(bool yes) {
-    worker::ToWorker message;
-    message.mutable_answer()->set_yes(yes);
-    answer(std::move(message));
-  }
-  void answer(const Expected<bool>& outcome) {
-    if (outcome) return answer(*outcome);
-    worker::ToWorker message;
-    message.mutable_answer()->mutable_failure()->set_kind(static_cast<int>(outcome.error().kind));
-    message.mutable_answer()->mutable_failure()->set_sentence(outcome.error().sentence);
-    answer(std::move(message));
-  }
+  void answer(const Expected<bool>& outcome) { answer(answer_of(outcome)); }
 
   // === Questions ===
 
   void note_start(const worker::Started& started) {
+    has_started_ = true;
+    process_->set_device(started.has_device());
+    if (!started.has_device()) give_device_back();
     address_space_ = started.address_space() + mesh_bytes_ + checkpoint_bytes_;
     static std::atomic<bool> warned = false;
     if (!started.is_filtered() && !warned.exchange(true))
       settings_.warn(
           "this system has no seccomp filters: the processes of jobs have limits of memory, time and descriptors, but "
           "can use the files of this user");
+  }
+
+  void give_device_back() const {
+    if (!request_.device.empty() && hooks_.device_unused) hooks_.device_unused();
   }
 
   /// The address space of a run that takes `bytes`.
@@ -361,6 +359,7 @@ class Conversation {
   Sink output_;
   bool full_ = false;
   int notes_ = 0;
+  bool has_started_ = false;
   v1::History history_;
   Hdf5Programs hdf5_;
   steady_clock::time_point began_ = steady_clock::now();  ///< Since when the run has its memory.
@@ -379,6 +378,7 @@ Engine process_engine(ProcessEngineSettings settings) {
                                                          const Options& options) -> Expected<void> {
     return plugin.empty() && !is_on_boundary(geometry) ? has_no_plugin() : check(geometry, options);
   };
+  engine.uses_device = may_take_device;
   const auto workers = std::make_shared<Workers>(settings.program);
   const auto watch = std::make_shared<ThreadWatch>();
   engine.run = [settings = std::move(settings), workers, watch](RunRequest request,

@@ -8,14 +8,21 @@
 namespace varimesh::server {
 namespace {
 
-/// 0 if the process has ended.
-int threads_of(pid_t process) {
+/// What a process has; nothing if it has ended.
+struct Has {
+  int threads = 0;
+  std::int64_t shared = 0;  ///< Bytes of memory that it can share.
+};
+
+Has look_at(pid_t process) {
+  Has has;
   std::ifstream file("/proc/" + std::to_string(process) + "/status");
   for (std::string word; file >> word;) {
-    int count = 0;
-    if (word == "Threads:" && file >> count) return count;
+    std::int64_t kibibytes = 0;
+    if (word == "RssShmem:" && file >> kibibytes) has.shared = kibibytes << 10;
+    if (word == "Threads:" && file >> has.threads) return has;
   }
-  return 0;
+  return {};
 }
 
 }  // namespace
@@ -29,9 +36,9 @@ ThreadWatch::~ThreadWatch() {
   if (thread_.joinable()) thread_.join();
 }
 
-void ThreadWatch::add(pid_t process, int computing) {
+void ThreadWatch::add(pid_t process, int computing, std::int64_t shared) {
   const std::scoped_lock lock(mutex_);
-  watched_[process] = {computing + kMore};
+  watched_[process] = {computing + kMore, shared};
   if (!thread_.joinable()) thread_ = std::thread([this] { run(); });
   changed_.notify_all();
 }
@@ -41,18 +48,22 @@ void ThreadWatch::forget(pid_t process) {
   watched_.erase(process);
 }
 
-bool ThreadWatch::has_killed(pid_t process) const {
+const char* ThreadWatch::why_killed(pid_t process) const {
   const std::scoped_lock lock(mutex_);
   const auto found = watched_.find(process);
-  return found != watched_.end() && found->second.killed;
+  return found == watched_.end() ? nullptr : found->second.why_killed;
 }
 
 void ThreadWatch::run() {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     for (auto& [process, watched] : watched_) {
-      if (watched.killed || threads_of(process) <= watched.most) continue;
-      watched.killed = ::kill(process, SIGKILL) == 0;
+      if (watched.why_killed != nullptr) continue;
+      const auto [threads, shared] = look_at(process);
+      const char* const why = threads > watched.most    ? "started more threads than it may"
+                              : shared > watched.shared ? "took more memory than it may"
+                                                        : nullptr;
+      if (why != nullptr && ::kill(process, SIGKILL) == 0) watched.why_killed = why;
     }
     if (watched_.empty())
       changed_.wait(lock, [this] { return stopping_ || !watched_.empty(); });

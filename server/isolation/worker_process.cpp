@@ -82,9 +82,10 @@ WorkerProcess::~WorkerProcess() {
 
 void WorkerProcess::limit_memory(std::int64_t bytes) const {
   rlimit limits{};
-  if (::prlimit(id_, RLIMIT_AS, nullptr, &limits) != 0) return;
+  const auto kind = has_device_ ? RLIMIT_DATA : RLIMIT_AS;
+  if (::prlimit(id_, kind, nullptr, &limits) != 0) return;
   limits.rlim_cur = std::min(static_cast<rlim_t>(bytes), limits.rlim_max);
-  ::prlimit(id_, RLIMIT_AS, &limits, nullptr);
+  ::prlimit(id_, kind, &limits, nullptr);
 }
 
 bool WorkerProcess::is_alive() {

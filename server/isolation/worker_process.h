@@ -33,7 +33,10 @@ class WorkerProcess {
   pid_t id() const { return id_; }
   /// Whether it still runs.
   bool is_alive();
-  /// Sets the most address space that the process may have, in bytes.
+  /// Whether the process has a device. Then its limit of memory counts what it can write and shares with nobody, in
+  /// place of its address space (Confinement::has_device).
+  void set_device(bool has_device) { has_device_ = has_device; }
+  /// Sets the most memory that the process may have, in bytes.
   void limit_memory(std::int64_t bytes) const;
   /// Waits for the end of the process, which has closed its socket, and throws ProcessLost.
   [[noreturn]] void fail_ended();
@@ -41,6 +44,7 @@ class WorkerProcess {
  private:
   pid_t id_ = -1;
   int status_ = 0;  ///< How it ended, once id_ is −1.
+  bool has_device_ = false;
   std::unique_ptr<Channel> channel_;
 };
 

@@ -233,8 +233,15 @@ std::int64_t turn_of(const v1::Job& job) {
 
 Claim claim_of(const JobRecord& record) {
   const v1::Job& job = record.job;
-  return {job.name(),        record.token, job.attempt(), job.spec(),
-          record.checkpoint, job.owner(),  record.trace,  time_point(job.create_time())};
+  return {job.name(),
+          record.token,
+          job.attempt(),
+          job.spec(),
+          record.checkpoint,
+          job.owner(),
+          record.trace,
+          time_point(job.create_time()),
+          record.lost % kInnocentLoss};
 }
 
 std::vector<std::string> inputs_of(const v1::JobSpec& spec) {

@@ -61,6 +61,7 @@ struct Claim {
   std::string owner = {};                         ///< The owner of the job.
   std::string trace = {};                         ///< The place of the job in a trace, as a header "traceparent".
   TimePoint submitted = {};                       ///< When the job was.
+  int lost = 0;  ///< Attempts since the last progress whose processes ended before their runs.
 };
 
 /// A job after a change. The store has saved the job and the events of the change together.

@@ -89,6 +89,12 @@ struct Metrics::Families {
   Gauge& running = jobs.Add({{"state", "running"}});
   Family<Gauge>& oldest =
       gauges(registry, "varimesh_queue_oldest_age_seconds", "Age of the job that has waited longest.");
+  Family<Gauge>& devices = gauges(registry, "varimesh_devices", "Devices for jobs.");
+  Gauge& free_devices = devices.Add({{"state", "free"}});
+  Gauge& busy_devices = devices.Add({{"state", "busy"}});
+  Gauge& jobs_on_devices = gauges(registry, "varimesh_jobs_on_devices", "Jobs that have a device.").Add({});
+  Counter& device_jobs =
+      counters(registry, "varimesh_device_jobs_total", "Jobs that have ended and had steps made by a device.").Add({});
   Counter& submitted = counters(registry, "varimesh_jobs_submitted_total", "Jobs that were accepted.").Add({});
   Family<Histogram>& run_seconds = histograms(registry, "varimesh_job_run_seconds",
                                               "Run times of the last attempts of jobs, by how the jobs ended.");
@@ -145,6 +151,7 @@ void Metrics::count_end(const v1::Job& job) {
   families_->run_seconds.Add({{"outcome", outcome_of(job.state())}}, kRunSeconds)
       .Observe(seconds(began, job.end_time()));
   families_->wait_seconds.Observe(seconds(job.create_time(), began));
+  if (!job.metrics().device().empty()) families_->device_jobs.Increment();
 }
 
 void Metrics::count_loss() { families_->lost.Increment(); }
@@ -176,6 +183,9 @@ std::string Metrics::text(const Gauges& now) {
   all.pending.Set(now.pending);
   all.running.Set(now.running);
   all.waiting_calls.Set(now.waiting_calls);
+  all.free_devices.Set(now.devices - now.busy_devices);
+  all.busy_devices.Set(now.busy_devices);
+  all.jobs_on_devices.Set(now.jobs_on_devices);
   if (now.store_bytes) all.stored.Add({}).Set(static_cast<double>(*now.store_bytes));
   if (now.oldest_pending_seconds) all.oldest.Add({}).Set(*now.oldest_pending_seconds);
   all.resident.Set(resident_bytes());

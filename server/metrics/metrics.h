@@ -19,6 +19,8 @@ struct Gauges {
   std::optional<double> oldest_pending_seconds;  ///< Age of the job that has waited longest; nothing: not known.
   std::optional<std::int64_t> store_bytes;       ///< Of all meshes and results; nothing: another server counts them.
   int waiting_calls = 0;                         ///< Webhooks that are to be called, now or later.
+  int devices = 0, busy_devices = 0;             ///< For jobs; those of them that a job has.
+  int jobs_on_devices = 0;                       ///< Jobs that have one.
   bool ready = false;
 };
 
@@ -28,6 +30,10 @@ struct Gauges {
 ///   varimesh_ready                                        1 if the server accepts jobs
 ///   varimesh_jobs{state}                                  jobs that wait ("pending") and run ("running")
 ///   varimesh_queue_oldest_age_seconds                     age of the job that has waited longest; 0: none waits
+///   varimesh_devices{state}                               devices for jobs that no job has ("free") and one has
+///                                                         ("busy")
+///   varimesh_jobs_on_devices                              jobs that have a device
+///   varimesh_device_jobs_total                            jobs that have ended and had steps made by a device
 ///   varimesh_jobs_submitted_total                         jobs that were accepted
 ///   varimesh_job_run_seconds{outcome}                     histogram: run times of the last attempts, by how jobs ended
 ///   varimesh_job_wait_seconds                             histogram: from submission until the last attempt began, or

@@ -12,6 +12,7 @@
 #include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
 #include "server/scheduling/outputs.h"
+#include "server/scheduling/run_device.h"
 #include "server/scheduling/run_memory.h"
 
 namespace varimesh::server {
@@ -36,6 +37,13 @@ Ending not_stored(Room& room, const Failure& failure) {
   room.wait();
   Ending ending;
   ending.state = v1::JOB_STATE_PENDING;
+  return ending;
+}
+
+/// The job has no result: it was cancelled, or the next server continues it.
+Ending unfinished(const Attempt& attempt) {
+  Ending ending;
+  ending.state = attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_PENDING;
   return ending;
 }
 
@@ -214,6 +222,16 @@ std::shared_ptr<const Blob> saved_state(const Attempt& attempt) {
   return blob ? std::move(*blob) : nullptr;
 }
 
+/// Takes the device of the run, if the job asks for one that the run can use. False if the attempt is to end.
+bool take_device(const Attempt& attempt, const Options& options, Progress& progress, DeviceForRun& device) {
+  const bool uses =
+      !attempt.claim.spec.has_quality() && (!attempt.engine.uses_device || attempt.engine.uses_device(options));
+  return device.take(
+      uses ? options.device : DeviceChoice::Cpu, attempt.claim.lost > 0, attempt.threads,
+      [&] { return attempt.cancelled() || attempt.stopping(); },
+      [&](const std::string& sentence) { progress.note(sentence); });
+}
+
 Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   Stages stages(attempt);
   const v1::JobSpec& spec = attempt.claim.spec;
@@ -224,6 +242,8 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   const auto options = options_from(spec.options());
   if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
   const std::shared_ptr<const Blob> checkpoint = saved_state(attempt);
+  DeviceForRun device(attempt.devices);
+  if (!take_device(attempt, *options, progress, device)) return unfinished(attempt);
   stages.enter("read");
 
   Checkpoints checkpoints(attempt);
@@ -267,6 +287,7 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   };
   hooks.control.spare_memory = memory.spare();
   hooks.given_up = given_up;
+  hooks.device_unused = [&] { device.give_back(); };
   hooks.open_output = [&](v1::MeshFormat format) {
     stages.enter("store");
     return outputs.open(format);
@@ -274,7 +295,9 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
 
   RunRequest request = request_of(attempt, std::move(*input), *options);
   request.cad_file = std::move(*cad_file);
+  device.tell(request);
   auto outcome = attempt.engine.run(std::move(request), hooks);
+  device.give_back();
   if (outputs.failure()) return not_stored(room, *outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;
@@ -300,6 +323,7 @@ Ending run(const Attempt& attempt, Progress& progress, Room& room) {
   // The result of a cancelled job is the best mesh so far.
   ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
   ending.metrics = std::move(outcome->metrics);
+  device.tell(*ending.metrics);
   add_options(*options, *ending.metrics);
   ending.history_digest = *history;
   ending.results = outputs.take();
@@ -321,9 +345,7 @@ Ending run_attempt(const Attempt& attempt) {
     attempt.log.show_mesh(nullptr);
     if (!room.gave_up()) return ending;
     // There is no room for what the run has made, and a cancel does not wait for it.
-    Ending early;
-    early.state = attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_PENDING;
-    return early;
+    return unfinished(attempt);
   } catch (const std::bad_alloc&) {
     return failed(
         Error{Error::Kind::Internal,

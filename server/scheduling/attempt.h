@@ -7,6 +7,7 @@
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_store.h"
 #include "server/meshes/mesh_store.h"
+#include "server/resources/device_budget.h"
 #include "server/resources/memory_budget.h"
 #include "server/resources/thread_shares.h"
 
@@ -40,6 +41,7 @@ struct Attempt {
   std::function<void(const std::string& stage, TimePoint since)> on_stage = [](const auto&, TimePoint) {};
   /// Called after iterations and at the end, with what the kernels have done since the call before.
   std::function<void(const KernelWork&)> kernels_worked = [](const KernelWork&) {};
+  DeviceBudget* devices = nullptr;  ///< Null: there are none.
 };
 
 /// Runs the attempt to its end and adds its iterations to the event log. Never throws: all failures are returned in the

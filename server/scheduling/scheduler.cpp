@@ -19,6 +19,7 @@ Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, Scheduler
       engine_(std::move(engine)),
       settings_(std::move(settings)),
       memory_(settings_.memory),
+      devices_(settings_.devices, settings_.jobs_per_device),
       submissions_(settings_.max_submissions, settings_.steady),
       logs_(jobs),
       owned_(*meshes) {}
@@ -271,6 +272,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
       return noted.has_value();
     };
   attempt.kernels_worked = settings_.kernels_worked;
+  attempt.devices = &devices_;
   attempt.waits_for_room = [&] { settings_.log(claim.name, "waits for room on the full disk"); };
   attempt.stop_patience = [this] { return stop_patience_.load(); };
   RunSpans spans(settings_.spans, claim, settings_.clock);

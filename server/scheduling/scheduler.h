@@ -12,6 +12,7 @@
 #include "server/engine/engine.h"
 #include "server/jobs/job_store.h"
 #include "server/meshes/mesh_store.h"
+#include "server/resources/device_budget.h"
 #include "server/resources/memory_budget.h"
 #include "server/resources/rate.h"
 #include "server/resources/thread_shares.h"
@@ -42,6 +43,9 @@ struct SchedulerSettings {
   };                                      ///< Whether the disk has room for another job; STORE_FULL if not.
   std::function<std::string()> new_name;  ///< Returns a new unique name, "jobs/…". Thread-safe.
   std::int64_t memory = 0;                ///< Memory of all running jobs together, in bytes. 0: no limit.
+  std::vector<std::string> devices = {};  ///< Of the running jobs, as DeviceBudget has them.
+  int jobs_per_device = 1;
+  std::string device_names = {};  ///< What these devices are called.
   using Job = std::function<void(const LentThreads& threads)>;
   /// Runs a job, with at most `threads` threads, on another thread.
   std::function<void(int threads, Job job)> launch;
@@ -85,6 +89,8 @@ class Scheduler {
   Answer<JobCounts> counts() { return jobs_->counts(); }
   Answer<std::optional<TimePoint>> oldest_pending() { return jobs_->oldest_pending(); }
 
+  const DeviceBudget& devices() const { return devices_; }
+  const std::string& device_names() const { return settings_.device_names; }
   /// Takes the spans of calls too.
   const SpanSink& spans() const { return settings_.spans; }
 
@@ -164,6 +170,7 @@ class Scheduler {
   const Engine engine_;
   const SchedulerSettings settings_;
   MemoryBudget memory_;
+  DeviceBudget devices_;
   Rate submissions_;
   JobLogs logs_;
   OwnedMeshes owned_;

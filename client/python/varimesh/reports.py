@@ -181,7 +181,10 @@ class ServerInfo:
     takes_geometries: bool  #: whether boundary nodes may slide on CAD models in jobs of this server
     takes_layers: bool  #: whether jobs of this server split thick cells into layers
     keeps_orders: bool  #: whether jobs of this server write elements at their own orders again
-    device: str  #: the graphics card that jobs may have there; empty: none, as on every server
+    device: str  #: the graphics card that jobs may have there; empty: none, unless the operator has given jobs devices
+    devices: int = 0  #: how many of these devices there are
+    busy_devices: int = 0  #: how many of them a job has now
+    jobs_on_devices: int = 0  #: how many jobs have one now
 
     def check(self, *, geometry: bool = False, layers: bool = False, keep_orders: bool = False) -> None:
         """Raises BadOption if a job asks for what the server does not know. An old server would leave it out without a word."""
@@ -281,4 +284,5 @@ def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
         tuple(format_name(one) for one in message.output_formats),
         tuple(spelled(optimise_pb2.Energy.DESCRIPTOR, one) for one in message.energies),
         message.pending_jobs, message.running_jobs, message.takes_geometries,
-        message.takes_layers, message.keeps_orders, message.device)  # fmt: skip
+        message.takes_layers, message.keeps_orders, message.device, message.devices, message.busy_devices,
+        message.jobs_on_devices)  # fmt: skip

@@ -25,6 +25,10 @@ device::Possible<std::unique_ptr<device::Device>> open_first_card() {
   return driver->use();
 }
 
+bool may_take_device(const Options& options) {
+  return options.device != DeviceChoice::Cpu && why_no_steps(options).empty();
+}
+
 DeviceOfRun::DeviceOfRun(const Options& options, std::int64_t elements, const OpenDevice& open)
     : is_demanded_(options.device == DeviceChoice::Gpu) {
   const bool is_wanted = is_demanded_ || (options.device == DeviceChoice::Auto && elements >= kLeastElementsOnDevice);

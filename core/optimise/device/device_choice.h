@@ -24,6 +24,9 @@ using OpenDevice = std::function<device::Possible<std::unique_ptr<device::Device
 /// The first card of NVIDIA's driver.
 device::Possible<std::unique_ptr<device::Device>> open_first_card();
 
+/// Whether a run with these options takes a device if there is one and the mesh is large enough.
+bool may_take_device(const Options& options);
+
 /// The device of a run, and what the result says about it.
 class DeviceOfRun {
  public:

@@ -62,7 +62,7 @@ class Device(WithServer):
         expected, _ = self.optimise()
         made, document = self.optimise("--device", "gpu", "--server", self.server.address, driver=os.environ["FAKE_DRIVER"])
         self.assertEqual(made, expected)
-        self.assertEqual(document["notes"][-1], "The run was on the processor. Jobs of a server have no graphics card.")
+        self.assertEqual(document["notes"][-1], "The run was on the processor. This server gives its jobs no device.")
 
 
 if __name__ == "__main__":

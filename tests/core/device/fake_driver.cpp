@@ -3,7 +3,10 @@
 // with fake_cuda_kernels(). It refuses what the real driver refuses: calls without a context, copies past the end of an
 // allocation, memory that was freed.
 //
-// The variable FAKE_CUDA says what is wrong with it, in words with a space between them:
+// CUDA_VISIBLE_DEVICES numbers the card: with 1 it is called Fake Card 2.
+//
+// The variable FAKE_CUDA, or a file `state` beside this library, says what is wrong with it, in words with a space
+// between them:
 //   version=10010      the version of CUDA that it is for
 //   result=803         cuInit() ends with this result
 //   cards=0            how many cards there are
@@ -15,16 +18,24 @@
 //   lost=3             the third launch breaks the card: every later call ends with 719
 //   lost_at_wait=3     the third launch breaks the card, and the next call that waits is the first to say so
 //   shared=49152       bytes of shared memory per block
+//   busy_for=300       making a context takes so many milliseconds
+//   thread             making a context starts a thread that lives on
+//   crash=3            the third launch ends the process
 //   wrong              results that are copied from the card have a wrong bit
+#include <dlfcn.h>
+
 #include <bit>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include "core/device_kernels/cell_modules.h"
 #include "core/device_kernels/cpu/modules.h"
@@ -126,6 +137,12 @@ void fake_cuda_held(std::size_t* bytes, int* contexts, int* modules) {
 }
 
 Result cuInit(unsigned) {
+  if (Dl_info own{}; std::getenv("FAKE_CUDA") == nullptr && dladdr(reinterpret_cast<void*>(&cuInit), &own) != 0) {
+    const std::string file = own.dli_fname;
+    std::string state;
+    if (std::ifstream in(file.substr(0, file.rfind('/') + 1) + "state"); std::getline(in, state))
+      setenv("FAKE_CUDA", state.c_str(), 1);
+  }
   const auto result = static_cast<Result>(setting("result", kSuccess));
   if (result == kSuccess && setting("cards", 1) == 0) return kNoDevice;
   initialised = result == kSuccess;
@@ -154,7 +171,9 @@ Result cuDeviceGet(int* device, int number) {
   return number < setting("cards", 1) ? kSuccess : kInvalidValue;
 }
 Result cuDeviceGetName(char* name, int room, int) {
-  std::strncpy(name, "Fake Card 1", static_cast<std::size_t>(room));
+  const char* const visible = std::getenv("CUDA_VISIBLE_DEVICES");
+  const int number = visible == nullptr ? 0 : std::atoi(visible);
+  std::strncpy(name, ("Fake Card " + std::to_string(1 + number)).c_str(), static_cast<std::size_t>(room));
   return kSuccess;
 }
 Result cuDeviceGetAttribute(int* value, int attribute, int) {
@@ -182,6 +201,9 @@ Result cuDeviceTotalMem_v2(std::size_t* bytes, int) {
 }
 Result cuDevicePrimaryCtxRetain(void** context, int) {
   if (setting("busy", 0) != 0) return kUnavailable;
+  std::this_thread::sleep_for(std::chrono::milliseconds(setting("busy_for", 0)));
+  if (setting("thread", 0) != 0 && card.contexts == 0)
+    std::thread([] { std::this_thread::sleep_for(std::chrono::hours(1)); }).detach();
   ++card.contexts;
   *context = &context_of_card;
   return kSuccess;
@@ -264,6 +286,7 @@ Result cuLaunchKernel(const void* function, unsigned blocks, unsigned, unsigned,
   if (shared > setting("shared", 232448) || blocks == 0) return kInvalidValue;
   if (const auto result = static_cast<Result>(setting("launch", kSuccess)); result != kSuccess) return result;
   ++card.launches;
+  if (card.launches >= setting("crash", 1L << 30)) std::abort();
   if (card.launches >= setting("lost", 1L << 30)) card.lost = true;
   if (card.launches >= setting("lost_at_wait", 1L << 30)) card.lost_silently = true;
   if (card.lost || card.lost_silently) return ready();

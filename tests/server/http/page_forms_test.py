@@ -2,6 +2,7 @@
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import hashlib
 import json
+import os
 import unittest
 
 from with_page import WithModels, WithPage
@@ -41,10 +42,6 @@ class Form(WithPage):
         old = self.ask("GET", f"/v1/jobs/{job}")[1]["job"]["spec"]
         self.assertEqual((spec["priority"], spec["geometry"]), (7, old["geometry"]))
         self.assertEqual({**spec, "outputs": []}, {**old, "outputs": []})
-
-    def set_field(self, id, value):
-        self.page.value(f"(() => {{ const one = document.getElementById({json.dumps(id)}); one.value = {json.dumps(value)}; "
-                        "one.dispatchEvent(new Event('input', {bubbles: true})); })()")
 
     def test_spacing_without_layers_is_an_option(self):
         self.open()
@@ -93,6 +90,31 @@ class Form(WithPage):
         self.assertEqual(self.page.value("document.getElementById('layer-walls').value"), "boundary", "for the next run")
         self.assertEqual(self.page.value("document.getElementById('option-layerSpacing').value"), "LAYER_SPACING_EVEN")
         self.check_clean()
+
+
+class Devices(WithPage):
+    """A server that lends jobs a device; a library is in the place of NVIDIA's driver (FAKE_DRIVER)."""
+
+    def flags(self):
+        return "--devices", "1"
+
+    def setUp(self):
+        before = os.environ.get("LD_LIBRARY_PATH")
+        os.environ["LD_LIBRARY_PATH"] = os.environ["FAKE_DRIVER"]
+        self.addCleanup(lambda: os.environ.pop("LD_LIBRARY_PATH") if before is None else os.environ.update(LD_LIBRARY_PATH=before))
+        super().setUp()
+
+    def test_the_form_offers_one(self):
+        self.open()
+        self.look_at(MESH)
+        self.set_field("option-device", "DEVICE_GPU")
+        self.assertIn("--device gpu", self.text("#run pre"))
+        self.set_field("option-objective", "OBJECTIVE_ENERGY")
+        self.optimise()
+        job = self.ask("GET", "/v1/" + self.page.value("location.hash.slice(2)"))[1]["job"]
+        self.assertEqual(job["spec"]["options"]["device"], "DEVICE_GPU")
+        if "has no kernels" not in str(job["metrics"].get("notes")):
+            self.assertEqual(job["metrics"]["device"], "Fake Card 1")
 
 
 class Models(WithModels):

@@ -43,6 +43,10 @@ class WithPage(WithHttp):
     def text(self, selector):
         return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
+    def set_field(self, id, value):
+        self.page.value(f"(() => {{ const one = document.getElementById({json.dumps(id)}); one.value = {json.dumps(value)}; "
+                        "one.dispatchEvent(new Event('input', {bubbles: true})); })()")
+
     def optimise(self):
         """Starts the run that the form describes and waits for its whole page."""
         self.page.click("#run button", "Optimise")

@@ -10,17 +10,14 @@
 
 #include <algorithm>
 #include <atomic>
-#include <condition_variable>
 #include <csignal>
 #include <cstdint>
 #include <exception>
 #include <fstream>
 #include <memory>
-#include <mutex>
 #include <new>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "core/base/machine_memory.h"
@@ -31,12 +28,14 @@
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/models/draw_model.h"
-#include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/channel.h"
-#include "server/isolation/mapped_file.h"
+#include "server/isolation/messages.h"
 #include "server/isolation/socket_of_worker.h"
 #include "server/isolation/worker.pb.h"
+#include "server/isolation/worker/device_of_worker.h"
+#include "server/isolation/worker/mapped_file.h"
+#include "server/isolation/worker/talk.h"
 
 // Highway measures a clock for 7 ms when it is loaded, for benchmarks that nobody runs here.
 namespace hwy::platform {
@@ -47,105 +46,10 @@ std::uint64_t TimerResolution() { return 1; }
 namespace varimesh::server {
 namespace {
 
-/// Pieces of an output that go out together, in bytes.
-constexpr std::size_t kPieceBytes = std::size_t{512} << 10;
 /// What a process takes, mostly reserved for threads, before the server knows what its run needs.
 constexpr std::int64_t kBytesBeforeReading = std::int64_t{1} << 30;
 /// Iterations in one message of the history.
 constexpr int kIterationsPerPart = 10'000;
-
-/// This process's side of the conversation. Its thread takes what the server says.
-class Conversation {
- public:
-  explicit Conversation(Channel& channel) : channel_(channel) {}
-
-  /// Starts the thread, which lives as long as the process.
-  void listen() {
-    std::thread([this] { take_all(); }).detach();
-  }
-  void say(const worker::FromWorker& message) {
-    if (!channel_.send(message)) ::_exit(1);  // the server is gone
-  }
-  /// Asks and waits for the answer. `answered` gets the descriptor that comes back, or −1.
-  worker::Answer ask(const worker::FromWorker& question, int* answered = nullptr) {
-    const std::scoped_lock one(asking_);
-    std::unique_lock lock(mutex_);
-    answer_.reset();
-    if (!channel_.send(question)) ::_exit(1);
-    came_.wait(lock, [this] { return answer_.has_value(); });
-    if (answered != nullptr) *answered = std::exchange(file_, -1);
-    return std::move(*answer_);
-  }
-
-  int threads() const { return threads_; }
-  bool stops() const { return stop_.load(std::memory_order_relaxed); }
-  bool given_up() const { return given_up_; }
-  bool full() const { return full_; }
-  bool watched() const { return watched_; }
-
- private:
-  void take_all() {
-    worker::ToWorker message;
-    while (channel_.receive(message, -1) == Channel::Got::Message) {
-      if (message.has_steering()) steer(message.steering());
-      if (!message.has_answer()) continue;
-      steer(message.answer().steering());
-      const std::scoped_lock lock(mutex_);
-      file_ = channel_.take_file();
-      answer_ = std::move(*message.mutable_answer());
-      came_.notify_all();
-    }
-    ::_exit(1);
-  }
-  void steer(const worker::Steering& steering) {
-    threads_ = std::max(1, steering.threads());
-    given_up_ = steering.given_up();
-    full_ = steering.full();
-    watched_ = steering.watched();
-    stop_ = steering.stop();
-  }
-
-  Channel& channel_;
-  std::mutex asking_, mutex_;
-  std::condition_variable came_;
-  std::optional<worker::Answer> answer_;
-  int file_ = -1;
-  std::atomic<int> threads_ = 1;
-  std::atomic<bool> stop_ = false, given_up_ = false, full_ = false, watched_ = false;
-};
-
-/// Collects the pieces of an output.
-class Output {
- public:
-  explicit Output(Conversation& server) : server_(server) {}
-
-  bool add(std::string_view bytes) {
-    piece_ += bytes;
-    while (piece_.size() >= kPieceBytes) {
-      send(piece_.substr(0, kPieceBytes));
-      piece_.erase(0, kPieceBytes);
-    }
-    return !server_.full();
-  }
-  void end() {
-    if (!piece_.empty()) send(std::exchange(piece_, {}));
-  }
-
- private:
-  void send(std::string bytes) {
-    worker::FromWorker message;
-    message.set_output_piece(std::move(bytes));
-    server_.say(message);
-  }
-
-  Conversation& server_;
-  std::string piece_;
-};
-
-Expected<bool> outcome_of(const worker::Answer& answer) {
-  if (!answer.has_failure()) return answer.yes();
-  return tl::unexpected(Error{static_cast<Error::Kind>(answer.failure().kind()), answer.failure().sentence()});
-}
 
 /// Tells the server what the kernels have done since it was told last.
 void tell_kernels(Conversation& server, const WorkMeter& meter, KernelWork& told) {
@@ -251,30 +155,21 @@ void ask_for_hdf5(Conversation& server) {
   });
 }
 
-RunRequest request_from(const worker::Request& message) {
-  RunRequest request;
-  request.format = message.format();
-  request.options = *options_from(message.options());
-  for (const int format : message.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
-  if (message.has_quality()) request.quality = message.quality();
-  if (message.has_geometry()) request.geometry = message.geometry();
-  if (message.has_layers()) request.layers = message.layers();
-  request.keep_orders = message.keep_orders();
-  return request;
-}
-
-/// The size of this process's address space, in bytes; 0 if it is not known.
-std::int64_t address_space() {
-  std::int64_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  return pages * sysconf(_SC_PAGESIZE);
+/// The size of this process's address space or, with a device, of what it can write and shares with nobody, in bytes; 0
+/// if it is not known.
+std::int64_t address_space(const DeviceOfWorker& device) {
+  std::int64_t all = 0, resident = 0, shared = 0, text = 0, none = 0, own = 0;  // pages
+  std::ifstream("/proc/self/statm") >> all >> resident >> shared >> text >> none >> own;
+  return (device.is_open() ? own : all) * sysconf(_SC_PAGESIZE);
 }
 
 /// Gives up everything that a run does not need. Returns whether the system has filters for that.
-bool confine(const worker::Request& request) {
+bool confine(const worker::Request& request, const DeviceOfWorker& device) {
   Confinement keeps;
+  keeps.has_device = device.is_open();
+  keeps.has_threads = device.has_opened_driver();
   keeps.processor_seconds = request.processor_seconds();
-  keeps.memory = address_space() + request.mesh_bytes() + request.checkpoint_bytes() + kBytesBeforeReading;
+  keeps.memory = address_space(device) + request.mesh_bytes() + request.checkpoint_bytes() + kBytesBeforeReading;
   keeps.memory_can_be_raised = true;
   keeps.more_descriptors = 16;  // an HDF5 file takes one: the program's socket
   keeps.threads = true;
@@ -305,7 +200,7 @@ void tell(Conversation& server, const RunOutcome& outcome) {
 }
 
 /// @param picture  if set, the job is to write this, and reads no mesh
-void run(Conversation& server, RunRequest request, std::string_view checkpoint,
+void run(Conversation& server, RunRequest request, DeviceOfWorker& device, std::string_view checkpoint,
          const std::optional<geometry::ModelTriangles>& picture) {
   std::atomic<bool> is_read = false;
   try {
@@ -317,11 +212,17 @@ void run(Conversation& server, RunRequest request, std::string_view checkpoint,
     });
     KernelWork told;
     RunHooks hooks = hooks_for(server, output, meter, told, is_read);
+    device.add_to(hooks, request, [&server] {
+      worker::FromWorker message;
+      message.set_device_unused(true);
+      server.say(message);
+    });
     hooks.control.checkpoint = checkpoint;
-    const auto outcome = picture ? draw_model(*picture, hooks) : core_engine().run(std::move(request), hooks);
+    auto outcome = picture ? draw_model(*picture, hooks) : core_engine().run(std::move(request), hooks);
     tell_kernels(server, meter, told);
     if (!outcome) return server.say(failure(outcome.error()));
     output.end();
+    device.tell(outcome->metrics);
     tell(server, *outcome);
   } catch (const std::bad_alloc&) {
     server.say(failure(
@@ -370,20 +271,23 @@ int serve() {
   if (has_model) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
   Expected<std::optional<geometry::ModelTriangles>> picture;
   if (message.draws_model()) picture = geometry::read_triangles(cad.plugin(), cad_file, "The model", cad.most_memory());
+  DeviceOfWorker device(message.device(), message.why_no_device());
   worker::FromWorker started;
-  started.mutable_started()->set_address_space(address_space());
-  started.mutable_started()->set_is_filtered(confine(message));
-  server.listen();
+  device.tell(*started.mutable_started());
+  started.mutable_started()->set_address_space(address_space(device));
+  started.mutable_started()->set_is_filtered(confine(message, device));
   server.say(started);
+  if (message.only_opens_device()) ::_exit(0);
+  server.listen();
   if (!model || !picture) {
     server.say(failure(model ? picture.error() : model.error()));
     ::_exit(0);
   }
-  RunRequest request = request_from(message);
+  RunRequest request = request_of(message);
   if (has_model) request.model = std::make_shared<geometry::CadModel>(std::move(*model));
   request.input = std::make_shared<MappedFile>(mesh, message.mesh_bytes());
   const MappedFile checkpoint(checkpoint_file, message.checkpoint_bytes());
-  run(server, std::move(request), checkpoint.bytes(), *picture);
+  run(server, std::move(request), device, checkpoint.bytes(), *picture);
   // Nothing of what a hostile mesh may have left in the memory is run any more.
   ::_exit(0);
 }
