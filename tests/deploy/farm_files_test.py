@@ -121,7 +121,7 @@ class Compose(unittest.TestCase):
 
 class Kubernetes(unittest.TestCase):
     def test_is_rendered(self):
-        for overlay, workers in (("small", "1"), ("keda", None), ("ingress", None)):
+        for overlay, workers in (("small", "1"), ("keda", None), ("ingress", None), ("devices", "2")):
             done = subprocess.run(["kubectl", "kustomize", str(FARM / "kubernetes" / "overlays" / overlay)],
                                   capture_output=True, text=True, timeout=60)
             self.assertEqual(done.returncode, 0, done.stderr)
@@ -143,6 +143,8 @@ class Kubernetes(unittest.TestCase):
             worker = next(part for part in deployments if "name: varimesh-worker" in part)
             replicas = re.search(r"^  replicas: (\d+)$", worker, re.MULTILINE)
             self.assertEqual(replicas and replicas[1], workers)
+            has_devices = [re.search(words, worker) is not None for words in ("nvidia.com/gpu: 1\n", '- --devices\n +- "1"\n')]
+            self.assertEqual(has_devices, [overlay == "devices"] * 2)
 
     def test_requests_have_the_sizes_of_nginx(self):
         if yaml is None:
@@ -205,12 +207,12 @@ class Helm(unittest.TestCase):
         return {(part["kind"], part["metadata"]["name"]): part for part in objects}
 
     def test_has_no_faults(self):
-        for values in ("small", "keda", "ingress"):
+        for values in ("small", "keda", "ingress", "devices"):
             answer = self.helm("lint", "varimesh", "--strict", "--values", f"{values}.yaml")
             self.assertIn("0 chart(s) failed", answer)
 
     def test_says_the_same_as_kustomize(self):
-        for name in ("small", "keda", "ingress"):
+        for name in ("small", "keda", "ingress", "devices"):
             with self.subTest(name):
                 chart = self.render("--values", f"{name}.yaml")
                 overlay = self.parts(subprocess.run(["kubectl", "kustomize", str(FARM / "kubernetes" / "overlays" / name)],
@@ -268,7 +270,7 @@ class Helm(unittest.TestCase):
         for value, words in (("worker.replica=3", "replica"), ("worker.threads=many", "threads"), ("scaling.by=chance", "scaling.by"),
                              ("database.url=postgresql://farm:secret@db/x", "database.url"), ("meshes.storage=plenty", "storage"),
                              ("frontend.replicas=0", "replicas"), ("image.digest=latest", "digest"), ("network.ports={70000}", "ports"),
-                             ("http.enabled=perhaps", "enabled")):
+                             ("http.enabled=perhaps", "enabled"), ("worker.resources.limits.nvidia\\.com/gpu=some", "gpu")):
             answer = self.helm("template", "varimesh", "varimesh", "--set", value, status=1)
             self.assertIn(words, answer)
             self.assertIn("schema", answer)
@@ -360,6 +362,24 @@ class Systemd(unittest.TestCase):
         self.assertEqual(done.stdout.count("# from the environment"), len(variables))
 
 
+    def test_the_unit_with_devices_is_right(self):
+        with tempfile.TemporaryDirectory() as folder:
+            unit, more = Path(folder) / "varimeshd.service", Path(folder) / "varimeshd.service.d" / "devices.conf"
+            text = (TREE / "deploy" / "varimeshd.service").read_text()
+            unit.write_text(text.replace("ExecStart=/usr/bin/varimeshd\n", f"ExecStart={VARIMESHD}\n"))
+            more.parent.mkdir()
+            added = (FARM / "systemd" / "devices.conf").read_text()
+            for faults, wrong in ((False, added), (True, added.replace("DeviceAllow=", "DevicesAllow="))):
+                more.write_text(wrong)
+                checked = subprocess.run(["systemd-analyze", "verify", unit.name], capture_output=True, text=True, timeout=60,
+                                         env={**os.environ, "SYSTEMD_UNIT_PATH": f"{folder}:"})
+                self.assertEqual("'DevicesAllow'" in checked.stderr, faults, checked.stderr)
+                if not faults:
+                    self.assertEqual((checked.returncode, checked.stderr), (0, ""))
+        self.assertIn("--devices", flags_of_varimeshd())
+        self.assertIn("VARIMESHD_DEVICES=1", added)
+
+
 class Slurm(unittest.TestCase):
     """Slurm itself is played: it gives the variables, sends the signal, and is told to queue the job again."""
 
@@ -373,7 +393,8 @@ class Slurm(unittest.TestCase):
                 (folder / program).chmod(0o755)
             job = subprocess.Popen([FARM / "slurm" / "workers.sbatch"],
                                    env={"PATH": f"{folder}:{os.environ['PATH']}", "TMPDIR": name, "SLURM_JOB_ID": "17",
-                                        "SLURM_CPUS_PER_TASK": "8", "SLURM_MEM_PER_NODE": "1000", "VARIMESH_STORE": "s",
+                                        "SLURM_CPUS_PER_TASK": "8", "SLURM_MEM_PER_NODE": "1000", "SLURM_GPUS_ON_NODE": "2",
+                                        "VARIMESH_STORE": "s",
                                         "VARIMESH_MESHES": "m"})
             deadline = time.monotonic() + 20
             while not (folder / "worker").exists():
@@ -387,6 +408,7 @@ class Slurm(unittest.TestCase):
             arguments = (folder / "worker").read_text().split()[1:]
             self.assertIn("--role worker", " ".join(arguments))
             self.assertEqual(arguments[arguments.index("--threads") + 1], "8")
+            self.assertEqual(arguments[arguments.index("--devices") + 1], "2")
             self.assertEqual(int(arguments[arguments.index("--max-memory-bytes") + 1]), 943718400)
             self.assertLessEqual({word for word in arguments if word.startswith("--")}, flags_of_varimeshd())
             self.assertEqual(list(folder.glob("varimesh-*")), [], "its state is removed")
