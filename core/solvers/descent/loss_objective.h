@@ -10,8 +10,8 @@
 #include "core/base/team.h"
 #include "core/energy/material.h"
 #include "core/problem/problem.h"
-#include "core/solvers/descent/modal_form.h"
-#include "core/solvers/descent/order_levels.h"
+#include "core/solvers/descent/form/modal_form.h"
+#include "core/solvers/descent/form/order_levels.h"
 #include "core/solvers/minimised.h"
 #include "core/terms/cell_energy.h"
 

@@ -7,9 +7,9 @@
 #include "core/base/aligned.h"
 #include "core/base/reduction.h"
 #include "core/base/team.h"
-#include "core/solvers/descent/modal_form.h"
-#include "core/solvers/descent/order_space.h"
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/modal_form.h"
+#include "core/solvers/descent/form/order_space.h"
+#include "core/solvers/descent/form/order_tables.h"
 
 namespace varimesh {
 

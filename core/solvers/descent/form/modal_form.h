@@ -10,8 +10,8 @@
 #include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/problem/problem.h"
-#include "core/solvers/descent/order_space.h"
-#include "core/solvers/descent/part_products.h"
+#include "core/solvers/descent/form/order_space.h"
+#include "core/solvers/descent/form/part_products.h"
 
 namespace varimesh {
 
