@@ -47,6 +47,14 @@ class ModalForm {
   std::vector<std::vector<double>> diagonals(std::span<const OrderSpace* const> spaces,
                                              std::span<const double> stiffness);
 
+  // === For those who compute with the form elsewhere ===
+  /// Of a set of the problem.
+  const detail::PartProducts& products(std::size_t set) const { return *products_[set]; }
+  /// κ^(2(P+1−s)) of a degree s.
+  double weight(int degree) const { return weights_[static_cast<std::size_t>(degree)]; }
+  /// By CellSet::first + cell: J⁻¹J⁻ᵀ, as PartProducts has the pairs of directions; 0 if det J = 0.
+  const std::vector<std::array<double, 6>>& metrics() const { return metrics_; }
+
   /// Room for d numbers per place, which all functions but the constructor overwrite.
   std::span<double> room() { return contributions_; }
 

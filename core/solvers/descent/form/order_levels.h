@@ -27,6 +27,10 @@ class OrderLevels {
   /// Takes new diagonals; the arguments are those of ModalForm::diagonals(). apply() overwrites ModalForm::room().
   void take_diagonals(ModalForm& form, std::span<const double> stiffness);
 
+  /// By order, from 1: the spaces, and the inverses of their diagonals by free node.
+  std::span<const OrderSpace* const> spaces() const { return spaces_; }
+  const std::vector<std::vector<double>>& inverse_diagonals() const { return inverse_diagonals_; }
+
   /// z = M⁻¹ r, d numbers per free node each. Returns r · z.
   double apply(std::span<const double> r, std::span<double> z);
 
