@@ -27,6 +27,7 @@
 #include "core/device_kernels/self_check.h"
 #include "core/geometry/cad_reader.h"
 #include "core/process/helper_program.h"
+#include "core/solvers/descent/on_device/descent_check.h"
 #include "core/solvers/newton/device_check.h"
 
 namespace varimesh::client {
@@ -92,6 +93,7 @@ Finding kernels(const device::Driver& driver) {
   const auto card = driver.use();
   auto checked = card ? device::check_kernels(**card) : tl::unexpected(card.error());
   if (checked) checked = check_newton(**card);
+  if (checked) checked = check_descent(**card);
   if (checked) return {"device kernels", "compute the processor's bits", ""};
   const bool broken =
       checked.error().kind == device::Fault::Kind::BadKernels || checked.error().kind == device::Fault::Kind::Lost;

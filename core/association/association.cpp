@@ -179,14 +179,19 @@ void find_missed_feet(const Placing& placing, const geometry::SurfaceShape& shap
 std::vector<geometry::SurfaceFoot> feet_of(const Placing& placing, const geometry::SurfaceShape& shape,
                                            const std::vector<std::int32_t>& nodes, const std::vector<int>& tags,
                                            double tolerance, const Team& team) {
-  std::optional<geometry::SurfaceSearch> search;  // samples the whole surface, which may not be needed
-  std::vector<geometry::SurfaceFoot> feet;
-  for (const std::int32_t node : nodes) {
-    team.look();
-    feet.push_back(placing.by_parameters(node, shape, tags));
-    if (std::isfinite(feet.back().distance)) continue;
-    if (!search) search.emplace(shape);
-    feet.back() = search->closest(placing.position(node));
+  constexpr std::int32_t kNodesPerTask = 16;
+  std::vector<geometry::SurfaceFoot> feet(nodes.size());
+  const auto for_nodes = [&](const auto& body) {
+    team.for_each(static_cast<std::int32_t>(nodes.size()), kNodesPerTask,
+                  [&](std::int32_t i) { body(nodes[static_cast<std::size_t>(i)], feet[static_cast<std::size_t>(i)]); });
+  };
+  const auto is_missing = [](const geometry::SurfaceFoot& foot) { return !std::isfinite(foot.distance); };
+  for_nodes([&](std::int32_t node, auto& foot) { foot = placing.by_parameters(node, shape, tags); });
+  if (std::ranges::any_of(feet, is_missing)) {
+    const geometry::SurfaceSearch search(shape);  // samples the whole surface
+    for_nodes([&](std::int32_t node, auto& foot) {
+      if (is_missing(foot)) foot = search.closest(placing.position(node));
+    });
   }
   find_missed_feet(placing, shape, nodes, tolerance, team, feet);
   return feet;

@@ -10,7 +10,7 @@ namespace varimesh::device::ptx {
 #include "core/device_kernels/kernels/cell_kinds.h"
 #define ENERGY(dimension, number, name, ...) extern const std::string_view general_##name##_##dimension##d;
 #include "core/device_kernels/kernels/energies.h"
-extern const std::string_view solver_2d, solver_3d;
+extern const std::string_view solver_2d, solver_3d, descent_2d, descent_3d;
 }  // namespace varimesh::device::ptx
 #define ON_CARD(module) &ptx::module
 #else
@@ -75,6 +75,11 @@ KernelImage general_kernels(int dimension, const Material& material) {
 KernelImage solver_kernels(int dimension) {
   if (dimension == 2) return {"of Newton's method in the plane", packed(ON_CARD(solver_2d)), cpu_solver_2d()};
   return {"of Newton's method in space", packed(ON_CARD(solver_3d)), cpu_solver_3d()};
+}
+
+KernelImage descent_kernels(int dimension) {
+  if (dimension == 2) return {"of the descent in the plane", packed(ON_CARD(descent_2d)), cpu_descent_2d()};
+  return {"of the descent in space", packed(ON_CARD(descent_3d)), cpu_descent_3d()};
 }
 
 }  // namespace varimesh::device

@@ -26,4 +26,7 @@ KernelImage general_kernels(int dimension, const Material& material);
 /// The kernels of Newton's method besides those of the cells (kernels/solver_kernels.h).
 KernelImage solver_kernels(int dimension);
 
+/// The kernels of the descent besides those of the cells (kernels/descent/kernels.h).
+KernelImage descent_kernels(int dimension);
+
 }  // namespace varimesh::device

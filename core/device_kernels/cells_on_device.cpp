@@ -177,6 +177,13 @@ Possible<void> CellsOnDevice::run_mean_tensors() {
   return done;
 }
 
+Possible<void> CellsOnDevice::run_convex_part() {
+  Possible<void> done;
+  for (const auto& set : sets_)
+    if (done) done = set->keep_convex_part(shared());
+  return done;
+}
+
 Possible<void> CellsOnDevice::run_product() {
   Possible<void> done;
   for (const auto& set : sets_)

@@ -56,6 +56,8 @@ class CellsOnDevice {
   Possible<void> run_node_blocks();
   /// After a gradient that keeps: SetOnDevice::tensors() become the cells' mean tensors.
   Possible<void> run_mean_tensors();
+  /// After a gradient that keeps, at the same positions: products become those of CellEnergy::keep_convex_part().
+  Possible<void> run_convex_part();
 
   Buffer& positions_there() { return positions_; }
   /// d per free node, then d zeros for the fixed ones.

@@ -24,7 +24,8 @@ Possible<void> SetOnDevice::find_kernels(const Module& kernels,
 
 Possible<void> SetOnDevice::copy_cells(const Module& general) {
   for (const auto& [name, kernel] : {std::pair<const char*, Kernel*>{"node_block", &node_block_},
-                                     std::pair<const char*, Kernel*>{"mean_tensor", &mean_tensor_}}) {
+                                     std::pair<const char*, Kernel*>{"mean_tensor", &mean_tensor_},
+                                     std::pair<const char*, Kernel*>{"keep_convex_part", &keep_convex_part_}}) {
     auto found = general.kernel(name);
     if (!found) return tl::unexpected(found.error());
     *kernel = std::move(*found);
@@ -172,6 +173,11 @@ Possible<void> SetOnDevice::mean_tensors(const SharedArrays& shared) {
   GeneralArguments a = general_arguments(shared);
   a.tensors = tensors_.as<float>();
   return run_general(mean_tensor_, 1, a);
+}
+
+Possible<void> SetOnDevice::keep_convex_part(const SharedArrays& shared) {
+  GeneralArguments a = general_arguments(shared);
+  return run_general(keep_convex_part_, set_.points, a);
 }
 
 Possible<void> SetOnDevice::download_scans(std::span<CellScan> scans) const {

@@ -78,6 +78,9 @@ class SetOnDevice {
   // cells' mean tensors.
   Possible<void> node_blocks(const SharedArrays& shared);
   Possible<void> mean_tensors(const SharedArrays& shared);
+  /// After a gradient that keeps, at the same positions: what was kept becomes CellEnergy::keep_convex_part(). Only for
+  /// the hyperelastic energy.
+  Possible<void> keep_convex_part(const SharedArrays& shared);
 
   /// The results of scan(), by cell of the set.
   Possible<void> download_scans(std::span<CellScan> scans) const;
@@ -86,7 +89,9 @@ class SetOnDevice {
   std::size_t contributions() const { return lanes() * static_cast<std::size_t>(set_.nodes_per_cell); }
   virtual std::size_t memory() const;
 
-  // For those who work with its cells: the ranks of their nodes (batches × node × lane), and mean_tensors().
+  // For those who work with its cells: the numbers and ranks of their nodes (batches × node × lane), and
+  // mean_tensors().
+  const Buffer& nodes() const { return nodes_; }
   const Buffer& ranks() const { return ranks_; }
   const Buffer& tensors() const { return tensors_; }
   const CellSet& cells() const { return set_; }
@@ -131,7 +136,7 @@ class SetOnDevice {
   Buffer derivatives_;  ///< As GeneralArguments::derivatives.
   Buffer scans_, linearisation_, deformation_, mean_, tensors_;
   Buffer norm_factor_, cell_gradients_, along_;  ///< Empty: no p-norm.
-  Kernel keep_cell_gradients_, along_cell_gradients_, add_norm_terms_, node_block_, mean_tensor_;
+  Kernel keep_cell_gradients_, along_cell_gradients_, add_norm_terms_, node_block_, mean_tensor_, keep_convex_part_;
 };
 
 template <class T, class Number>

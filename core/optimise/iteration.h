@@ -29,8 +29,8 @@ struct Iteration {
   int products = 0;                      ///< Products of the Hessian and a vector: conjugate-gradient iterations, in
                                          ///< Phase::Accuracy too.
   LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.
-  bool on_device = false;                        ///< A device has made it: a Newton step of a run with Options::device.
-  double seconds = 0;                            ///< Since the optimisation began.
+  bool on_device = false;  ///< A device has made it, or steps of it: of a run with Options::device.
+  double seconds = 0;      ///< Since the optimisation began.
   /// Groups of tetrahedra without room that the last look for splits has found; −1 before any look.
   std::int64_t groups_left = -1;
   double seconds_left = -1;  ///< Until the end of the run, as an estimate; −1 if it cannot be told.

@@ -285,7 +285,8 @@ DescentContext Run::descent_context() {
           came_valid() || descents_ > 0,
           came_valid() && options_.target == Target::StraightSided ? &at_start_ : nullptr,
           {},
-          control_.meter};
+          control_.meter,
+          control_.device};
 }
 
 bool Run::begin_descent() {

@@ -344,6 +344,7 @@ void StageRun::add(const DescentRound& round) {
   iteration_.left_elements = guard_.fewest();
   iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
   iteration_.products = round.steps;
+  iteration_.on_device = round.on_device;
   iteration_.seconds = seconds();
   history_.push_back(iteration_);
 }

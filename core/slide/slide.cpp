@@ -115,7 +115,7 @@ class Sliding {
   }
   Distances distances(int s, const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) const {
     return detail::surface_distances(*association_.geometry.surfaces[index(s)].shape, surface_elements_[index(s)],
-                                     mesh_.order, nodes, coordinates);
+                                     mesh_.order, nodes, coordinates, team_);
   }
 
   // ===== Curves =====
@@ -126,7 +126,7 @@ class Sliding {
       if (own.empty()) return;
       const geometry::CurveShape& shape = *association_.geometry.curves[index(c)].shape;
       const auto measure = [&](const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-        return detail::curve_distances(shape, own, mesh_.order, nodes, coordinates);
+        return detail::curve_distances(shape, own, mesh_.order, nodes, coordinates, team_);
       };
       const auto start = detail::curve_nodes(c, own, association_, mesh_.coordinates, fixed);
       const Distances before = measure(start, at_start_);

@@ -94,16 +94,25 @@ void Caller::remove(const std::string& name) const {
   require(jobs->DeleteJob(&context, request, &response));
 }
 
-double Caller::wait_for(const std::string& name, const std::vector<v1::JobState>& states, v1::Job* job) const {
+double Caller::wait_until(const std::string& name, const std::function<bool(const v1::Job&)>& reached) const {
   const auto begun = Clock::now();
   while (milliseconds_since(begun) < 300'000) {
-    const v1::Job now = get(name);
-    if (job != nullptr) *job = now;
-    if (std::find(states.begin(), states.end(), now.state()) != states.end()) return milliseconds_since(begun);
+    if (reached(get(name))) return milliseconds_since(begun);
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   std::printf("VIOLATION: %s does not reach the expected state\n", name.c_str());
   std::exit(1);
+}
+
+double Caller::wait_for(const std::string& name, const std::vector<v1::JobState>& states, v1::Job* job) const {
+  return wait_until(name, [&](const v1::Job& now) {
+    if (job != nullptr) *job = now;
+    return std::find(states.begin(), states.end(), now.state()) != states.end();
+  });
+}
+
+void Caller::wait_for_an_iteration(const std::string& name) const {
+  wait_until(name, [](const v1::Job& now) { return now.iteration().number() > 0; });
 }
 
 std::string read_file(const std::string& path) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,9 +34,14 @@ class Caller {
   /// Asks every few milliseconds until the job is in one of these states, for at most five minutes. Returns how long
   /// that took, in milliseconds.
   double wait_for(const std::string& name, const std::vector<v1::JobState>& states, v1::Job* job = nullptr) const;
+  /// Asks every few milliseconds until the job has done an iteration, for at most five minutes.
+  void wait_for_an_iteration(const std::string& name) const;
 
   std::unique_ptr<v1::JobService::Stub> jobs;
   std::unique_ptr<v1::MeshService::Stub> meshes;
+
+ private:
+  double wait_until(const std::string& name, const std::function<bool(const v1::Job&)>& reached) const;
 };
 
 /// Returns the bytes of a file; empty if it cannot be read.

@@ -28,7 +28,7 @@ void cancel(const Setting& setting, Verdict& verdict) {
     caller.cancel(second);
     caller.wait_for(second, {v1::JOB_STATE_CANCELLED});
     queued = std::max(queued, milliseconds_since(begun));
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    caller.wait_for_an_iteration(first);  // before that, the job may have no mesh yet
     begun = Clock::now();
     caller.cancel(first);
     v1::Job job;

@@ -41,7 +41,7 @@ class Iteration:
     products: int
     linear_solve: str
     left_elements: int  # that would not be certified valid if the run ended here
-    on_device: bool  # a Newton step that a graphics card has made
+    on_device: bool  # a graphics card has made it, or steps of it
     seconds_left: float | None  # how long the job will still take, as an estimate; None: nobody can tell
 
 

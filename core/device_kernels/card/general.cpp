@@ -55,6 +55,7 @@ KERNEL(change_stress, a.points, change_stress())
 KERNEL(product, a.nodes, product())
 KERNEL(node_block, a.nodes, node_block())
 KERNEL(mean_tensor, 1, mean_tensor())
+KERNEL(keep_convex_part, a.points, keep_convex_part())
 
 }  // namespace varimesh::N_ONE_LANE
 

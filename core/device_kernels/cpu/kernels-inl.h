@@ -143,6 +143,9 @@ struct GeneralCpuKernels {
   static void mean_tensor(const void* arguments, std::int32_t block, std::int32_t threads) {
     on(arguments, block, threads, nullptr, [](const Thread& thread) { thread.mean_tensor(); });
   }
+  static void keep_convex_part(const void* arguments, std::int32_t block, std::int32_t threads) {
+    on(arguments, block, threads, &Arguments::points, [](const Thread& thread) { thread.keep_convex_part(); });
+  }
 
   static constexpr CpuKernel kKernels[] = {
       {"deform", deform},
@@ -155,6 +158,7 @@ struct GeneralCpuKernels {
       {"product", product},
       {"node_block", node_block},
       {"mean_tensor", mean_tensor},
+      {"keep_convex_part", keep_convex_part},
       {"add_up_products", add_up_products<d>},
       {"add_up_gradients", add_up_gradients<d>},
       {"keep_cell_gradients", norm_kernel<keep_cell_gradient<d>>},

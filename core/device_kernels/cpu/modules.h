@@ -20,5 +20,8 @@ int energy_number(int dimension, const Material& material);
 /// Those of Newton's method besides the kernels of the cells. No energy is in them.
 std::span<const CpuKernel> cpu_solver_2d();
 std::span<const CpuKernel> cpu_solver_3d();
+/// Those of the descent (kernels/descent/kernels.h). No energy is in them.
+std::span<const CpuKernel> cpu_descent_2d();
+std::span<const CpuKernel> cpu_descent_3d();
 
 }  // namespace varimesh::device

@@ -38,14 +38,7 @@ class GeneralThread {
 
   /// F at a point.
   HWY_INLINE void deform() const {
-    double G[d * d] = {};
-    for (int n = 0; n < a_.nodes; ++n) {
-      const double* x = a_.positions + static_cast<std::int64_t>(of_batch(a_.cell_nodes, a_.nodes)[n * kBatch]) * d;
-      add_outer(x, n, own_, G);
-    }
-    double inverse[d * d];
-    load_inverse(own_, inverse);
-    const Matrix<Real, d> F = deformation_at<d>(G, inverse, left_factor());
+    const Matrix<Real, d> F = deformation_of_shape();
     for (int i = 0; i < d * d; ++i) field(own_)[i * kBatch] = F[i / d][i % d].value;
   }
 
@@ -206,6 +199,17 @@ class GeneralThread {
   }
   HWY_INLINE double derivative_of(int node, int point, int k) const {
     return a_.derivatives[(static_cast<std::int64_t>(point) * d + k) * a_.nodes + node];
+  }
+  /// F at the thread's own point, from the positions of the nodes.
+  HWY_INLINE Matrix<Real, d> deformation_of_shape() const {
+    double G[d * d] = {};
+    for (int n = 0; n < a_.nodes; ++n) {
+      const double* x = a_.positions + static_cast<std::int64_t>(of_batch(a_.cell_nodes, a_.nodes)[n * kBatch]) * d;
+      add_outer(x, n, own_, G);
+    }
+    double inverse[d * d];
+    load_inverse(own_, inverse);
+    return deformation_at<d>(G, inverse, left_factor());
   }
   HWY_INLINE double* field(int point) const { return a_.fields + at_point(point, d * d); }
   HWY_INLINE Matrix<Real, d> deformation(int point) const {

@@ -1,5 +1,6 @@
-// What the preconditioner is made from, of cells of any shape: the nodes' own blocks of a cell's Hessian, and its mean
-// tensor. Both from what a linearisation has kept (HessianKernels::node_blocks, mean_tensors).
+// What is made from what a linearisation has kept, of cells of any shape: for the preconditioner the nodes' own blocks
+// of a cell's Hessian and its mean tensor (HessianKernels::node_blocks, mean_tensors), and a convex part of the Hessian
+// (CellEnergy::keep_convex_part).
 #if defined(VARIMESH_DEVICE_LINEARISED_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_DEVICE_LINEARISED_INL_H
 #undef VARIMESH_DEVICE_LINEARISED_INL_H
@@ -88,6 +89,18 @@ class LinearisedThread : public GeneralThread<E, d> {
     }
     float* to = this->a_.tensors + (static_cast<std::int64_t>(this->batch_) * kBatch + this->lane_) * kTensor;
     VARIMESH_UNROLLED for (int entry = 0; entry < kTensor; ++entry) { to[entry] = M[entry]; }
+  }
+
+  /// Replaces what was kept of a point by a positive semidefinite part: without f_J, and with f_JJ at least λ/(J² +
+  /// δ²). Only for the hyperelastic energy, of which f_Q is μ/2. The nodes are where they were linearised.
+  HWY_INLINE void keep_convex_part() const {
+    float* partials = this->a_.linearisation + this->at_point(this->own_, Kept::kEntries);
+    const double J = determinant<d>(this->deformation_of_shape()).value;
+    const double weight = 2 * static_cast<double>(partials[Kept::kQ * kBatch]) / this->a_.material.mu;
+    const double size = J * J + this->delta_squared().value;
+    const float least = static_cast<float>(weight * this->a_.material.lambda / size);
+    partials[Kept::kJ * kBatch] = 0;
+    if (least > partials[Kept::kJJ * kBatch]) partials[Kept::kJJ * kBatch] = least;
   }
 
  private:

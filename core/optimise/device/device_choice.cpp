@@ -11,9 +11,6 @@ namespace {
 std::string why_no_steps(const Options& options) {
   if (options.max_iterations == 0) return "no step was asked for";
   if (options.method == Method::Sweeps) return "sweeps run on the processor; leave the method at auto or newton";
-  if (options.objective == Objective::Accuracy)
-    return "the descent of the objective accuracy runs on the processor; a device makes the steps of the objectives "
-           "energy and worst";
   return {};
 }
 

@@ -9,12 +9,12 @@ BoundaryEnergy::Distance BoundaryEnergy::distance(const std::vector<double>& coo
   team_.for_each(static_cast<std::int32_t>(curves_.size()), 1, [&](std::int32_t c) {
     if (curves_[at(c)])
       on_curves[at(c)] = curve_distances(*association_.geometry.curves[at(c)].shape, curve_elements_[at(c)], order_,
-                                         curves_[at(c)]->nodes(), coordinates);
+                                         curves_[at(c)]->nodes(), coordinates, team_);
   });
   team_.for_each(static_cast<std::int32_t>(surfaces_.size()), 1, [&](std::int32_t s) {
     if (surfaces_[at(s)])
       on_surfaces[at(s)] = surface_distances(*association_.geometry.surfaces[at(s)].shape, surface_elements_[at(s)],
-                                             order_, surfaces_[at(s)]->nodes(), coordinates);
+                                             order_, surfaces_[at(s)]->nodes(), coordinates, team_);
   });
   Distance all;
   for (const Distances& one : on_curves) all.curves.add(one);
@@ -33,17 +33,21 @@ std::vector<BoundaryEnergy::Element> BoundaryEnergy::elements(const std::vector<
   const auto add = [&](const auto& forms, const auto& elements, bool are_on_surfaces, const auto& distances) {
     std::vector<std::vector<Element>> of(forms.size());
     team_.for_each(static_cast<std::int32_t>(forms.size()), 1, [&](std::int32_t i) {
-      for (std::size_t e = 0; forms[at(i)] && e < elements[at(i)].size(); ++e)
-        of[at(i)].push_back({elements[at(i)][e].nodes, are_on_surfaces, forms[at(i)]->is_folded(e),
-                             distances(at(i), std::span(&elements[at(i)][e], 1), forms[at(i)]->nodes())});
+      if (!forms[at(i)]) return;
+      of[at(i)].resize(elements[at(i)].size());
+      team_.for_each(static_cast<std::int32_t>(of[at(i)].size()), 1, [&](std::int32_t e) {
+        const EntityElement& element = elements[at(i)][at(e)];
+        of[at(i)][at(e)] = {element.nodes, are_on_surfaces, forms[at(i)]->is_folded(at(e)),
+                            distances(at(i), std::span(&element, 1), forms[at(i)]->nodes())};
+      });
     });
     for (const std::vector<Element>& entity : of) all.insert(all.end(), entity.begin(), entity.end());
   };
   add(curves_, curve_elements_, false, [&](std::size_t c, std::span<const EntityElement> one, const auto& nodes) {
-    return curve_distances(*association_.geometry.curves[c].shape, one, order_, nodes, coordinates);
+    return curve_distances(*association_.geometry.curves[c].shape, one, order_, nodes, coordinates, team_);
   });
   add(surfaces_, surface_elements_, true, [&](std::size_t s, std::span<const EntityElement> one, const auto& nodes) {
-    return surface_distances(*association_.geometry.surfaces[s].shape, one, order_, nodes, coordinates);
+    return surface_distances(*association_.geometry.surfaces[s].shape, one, order_, nodes, coordinates, team_);
   });
   return all;
 }

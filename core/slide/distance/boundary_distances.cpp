@@ -96,13 +96,14 @@ class Measuring {
       Row& row = rows_[index(r)];
       const geometry::SurfaceShape& shape = *association_.geometry.surfaces[index(row.surface)].shape;
       const auto nodes = detail::surface_nodes(row.surface, association_, coordinates, none_moves);
+      std::vector<detail::Distances> of(row.elements.size());
+      team_.for_each(static_cast<std::int32_t>(of.size()), 1, [&](std::int32_t e) {
+        of[index(e)] =
+            detail::surface_distances(shape, {&row.elements[index(e)], 1}, mesh_.order, nodes, coordinates, team_);
+        distances[row.places[index(e)]] = static_cast<float>(of[index(e)].largest);
+      });
       detail::Distances sum;
-      for (std::size_t e = 0; e < row.elements.size(); ++e) {
-        const auto one = detail::surface_distances(shape, {&row.elements[e], 1}, mesh_.order, nodes, coordinates);
-        distances[row.places[e]] = static_cast<float>(one.largest);
-        sum.add(one);
-        team_.look();
-      }
+      for (const detail::Distances& one : of) sum.add(one);
       row.result.*distance = {sum.largest, sum.rms()};
       row.result.*folded = detail::slide_on_surface(row.surface, row.elements, mesh_.order, association_,
                                                     mesh_.coordinates, nodes, 0, team_)

@@ -14,7 +14,6 @@
 #include "core/solvers/descent/has_loss.h"
 #include "core/solvers/descent/loss_around.h"
 #include "core/solvers/maxmin/kept_raiser.h"
-#include "core/solvers/newton_method.h"
 
 namespace varimesh {
 namespace {
@@ -35,21 +34,7 @@ constexpr std::int64_t kLooksPerRound = 20'000;
 constexpr double kCaution = 10;
 /// More weight for low cells is given again if it has raised the minimum by this.
 constexpr double kWorthMore = 0.01;
-/// Newton steps of a round that move a node by more than this are followed by another one. Shorter ones are not: the
-/// next round has other frames.
-constexpr double kLongStep = 0.1;
-/// Nor are steps that lower the objective by less than this share of what the round has lowered it by so far: in cells
-/// that are thin in several directions, nodes move far and change nothing.
-constexpr double kLittle = 0.02;
-constexpr int kMostSteps = 8;
 constexpr int kMostSettling = 12;  ///< Rounds that change no factor.
-/// Of a step. More of them lead no farther: on hoipc__armadillo_P4, the first six rounds with at most 300 have 1.7
-/// times the products and end at a higher loss.
-constexpr int kMostProducts = 100;
-constexpr int kFewProducts = 3;
-/// In meshes that keep invalid cells, nearly all systems have directions of negative curvature, and the line search
-/// took a hundredth of the steps. With the convex part it takes half of them or all.
-constexpr double kConvexBelow = 0.25;
 constexpr std::int32_t kCellsPerTask = 4096;
 
 /// The scans saw the step. Where cells have gone back after it, the mesh has what is proved of it, which no scan is
@@ -188,26 +173,6 @@ void Descent::set_weights() {
     });
   levels_.take_diagonals(form_, stiff);
   objective_.hold_vertices(hold, from_);
-}
-
-void Descent::minimise(DescentRound& round) {
-  NewtonRules rules;
-  rules.most_products = kMostProducts;
-  rules.few_products = kFewProducts;
-  rules.convex_below = kConvexBelow;
-  NewtonMethod method(objective_, rules);
-
-  double fall = 0;
-  for (int step = 0; step < kMostSteps; ++step) {
-    const NewtonOutcome outcome = method.step();
-    if (first_gradient_ == 0) first_gradient_ = outcome.gradient_norm;
-    round.steps += outcome.products;
-    round.relative_gradient = first_gradient_ > 0 ? outcome.gradient_norm / first_gradient_ : 0;
-    fall += outcome.before - outcome.after;
-    const bool is_short = outcome.damping == 1 && outcome.residual <= kLongStep;
-    if (outcome.damping == 0 || is_short || outcome.before - outcome.after <= kLittle * fall) break;
-  }
-  round.residual = objective_.largest_from(accepted_);
 }
 
 void Descent::keep_certificates() {

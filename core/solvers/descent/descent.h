@@ -3,20 +3,24 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "core/base/team.h"
 #include "core/base/work_meter.h"
+#include "core/device/run_device.h"
 #include "core/energy/material.h"
 #include "core/merit/merit.h"
 #include "core/quality/quality.h"
 #include "core/solvers/checkpoint.h"
+#include "core/solvers/descent/form/modal_form.h"
+#include "core/solvers/descent/form/order_levels.h"
+#include "core/solvers/descent/form/order_space.h"
 #include "core/solvers/descent/loss_objective.h"
-#include "core/solvers/descent/modal_form.h"
-#include "core/solvers/descent/order_levels.h"
-#include "core/solvers/descent/order_space.h"
+#include "core/solvers/descent/on_device/device_loss.h"
 #include "core/solvers/guard/guard.h"
+#include "core/solvers/newton_method.h"
 #include "core/terms/cell_energy.h"
 #include "core/validity/certifier.h"
 
@@ -40,6 +44,8 @@ struct DescentContext {
   /// By cell: the factor by which ε_e is raised at the beginning. Empty: 1.
   std::vector<double> factors = {};
   WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
+  /// Makes the steps, as long as it is used; may be null, or without a device.
+  device::RunDevice* device = nullptr;
 };
 
 /// What one round did.
@@ -50,8 +56,9 @@ struct DescentRound {
   double energy = 0;             ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
   /// At the quadrature points; if cells have lost their certificate and gone back, at least what is proved of the mesh.
   double min_scaled_jacobian = 0;
-  int steps = 0;      ///< Products of the second derivative.
-  bool last = false;  ///< Another round would gain nothing.
+  int steps = 0;           ///< Products of the second derivative.
+  bool on_device = false;  ///< A device has made steps of it.
+  bool last = false;       ///< Another round would gain nothing.
 };
 
 /// Minimises over the free nodes
@@ -75,6 +82,9 @@ struct DescentRound {
 /// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. If the rounds
 /// end like that below the bound on the scaled Jacobian, more rounds follow, in which such cells are first raised in
 /// small patches (kept_raiser.h). The best mesh so far is kept whatever the rounds after it do.
+///
+/// The steps are made on the context's device, if it has one; all between two rounds is done on the processor. After a
+/// fault of the device the step is made once more on the processor, and so are all that follow.
 class Descent {
  public:
   /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
@@ -148,6 +158,11 @@ class Descent {
   bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
   void set_weights();
   void minimise(DescentRound& round);
+  /// Brings what a round begins with to the device, if there is one.
+  void begin_on_device();
+  /// One step of a method that minimises the objective on the device, if it is there, or the one on the processor.
+  NewtonOutcome step(std::optional<NewtonMethod>& method, DescentRound& round);
+  void leave_device(const device::Fault& fault);
   /// Whether the rounds with the present factors move no node any more, if the last one moved one by `move`.
   bool comes_to_rest(double move) const;
   bool refines(const Merit& merit) const;
@@ -178,10 +193,12 @@ class Descent {
   ModalForm form_;      ///< In the room of barrier_.
   OrderLevels levels_;
   LossObjective objective_;
-  std::vector<double> factors_;    ///< By cell: what ε_e has been raised by.
-  std::vector<double> weights_;    ///< By cell: ε_e/V_e.
-  std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
-  std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
+  std::unique_ptr<DeviceLoss> on_device_;  ///< Minimises the same; null: there is no device, or it is not there yet.
+  bool tries_device_ = true;               ///< A device that is not there yet is taken.
+  std::vector<double> factors_;            ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;            ///< By cell: ε_e/V_e.
+  std::vector<char> lost_;                 ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> uncertified_;          ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
   int raises_ = 0;            ///< Also counts the rounds that were taken back.

@@ -10,8 +10,8 @@
 #include "core/base/team.h"
 #include "core/energy/material.h"
 #include "core/problem/problem.h"
-#include "core/solvers/descent/modal_form.h"
-#include "core/solvers/descent/order_levels.h"
+#include "core/solvers/descent/form/modal_form.h"
+#include "core/solvers/descent/form/order_levels.h"
 #include "core/solvers/minimised.h"
 #include "core/terms/cell_energy.h"
 
@@ -30,6 +30,8 @@ class LossObjective final : public Minimised {
   /// Adds Σ_e 1/N hold_e mean over the vertices v of cell e of |x_v − X_v|². `hold`: by CellSet::first + cell;
   /// `places`: X of the free nodes, which must outlive the object or the next call.
   void hold_vertices(std::span<const double> hold, std::span<const double> places);
+  /// By free node: the factor of |x − X|² that follows; 0 if it is no vertex.
+  std::span<const double> hold() const { return hold_; }
 
   /// To be called after the form has taken other frames, or nodes were moved by somebody else.
   void forget_form() { has_form_ = false; }

@@ -9,16 +9,11 @@
 #include "core/device_kernels/joiner.h"
 #include "core/energy/material.h"
 #include "core/preconditioner/on_device/preconditioner_on_device.h"
+#include "core/solvers/device_failed.h"
 #include "core/solvers/minimised.h"
 #include "core/terms/cell_energy.h"
 
 namespace varimesh {
-
-/// What a function of DeviceObjective throws if the device has a fault. The problem's nodes are where linearise() found
-/// them, or where the last settle() has put them.
-struct DeviceFailed {
-  device::Fault fault;
-};
 
 /// What MeshObjective is, with its vectors and everything that is done to them on a device. Only the numbers of the
 /// cells' energies come back in a step, the positions at its end, and the cells' mean tensors when the preconditioner

@@ -10,10 +10,10 @@ MESH = CASES / "circle_p5.msh"
 
 
 class Device(WithServer):
-    def optimise(self, *flags, driver="", state="", **options):
-        """The result's bytes and the document, of a run on the energy. self.rows is its history."""
+    def optimise(self, *flags, driver="", state="", objective="energy", **options):
+        """The result's bytes and the document. self.rows is the history of the run."""
         out, history = self.folder / "out.msh", self.folder / "history.csv"
-        done = run("optimise", MESH, "-o", out, "--objective", "energy", "--json", "--history", history, *flags,
+        done = run("optimise", MESH, "-o", out, "--objective", objective, "--json", "--history", history, *flags,
                    env={**os.environ, "LD_LIBRARY_PATH": driver, "FAKE_CUDA": state}, **options)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.rows = list(csv.DictReader(history.read_text().splitlines()))
@@ -45,6 +45,19 @@ class Device(WithServer):
         self.assertEqual(small, expected, "the mesh is too small for auto")
         lost, document = self.optimise("--device", "gpu", driver=os.environ["FAKE_DRIVER"], state="lost=700")
         self.assertRegex(document["notes"][-1], "processor.* The device Fake Card 1 failed when")
+
+    def test_makes_the_steps_of_the_default_objective(self):
+        expected, usual = self.optimise(objective="accuracy")
+        made, document = self.optimise("--device", "gpu", driver=os.environ["FAKE_DRIVER"], objective="accuracy")
+        if "has no kernels" in "".join(document["notes"]):
+            self.skipTest("VariMesh was built without clang")
+        self.assertEqual(document["device"], "Fake Card 1")
+        self.assertEqual(document["notes"], usual["notes"])
+        self.assertIn("accuracy", {row["phase"] for row in self.rows})
+        for row in self.rows:
+            self.assertEqual(row["device"], "gpu" if row["phase"] in ("newton", "accuracy") else "cpu", row)
+        self.assertNotEqual(made, expected)
+        self.assertAlmostEqual(document["after"]["accuracy"]["loss"] / usual["after"]["accuracy"]["loss"], 1, 2)
 
     def test_is_named_by_info(self):
         def device(*flags, state=""):

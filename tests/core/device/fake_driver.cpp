@@ -98,6 +98,7 @@ std::optional<int> mark(std::string_view text, std::string_view name) {
 std::span<const CpuKernel> kernels_of(std::string_view text) {
   namespace device = varimesh::device;
   if (const auto dimension = mark(text, "solver_dimension")) return device::solver_kernels(*dimension).cpu;
+  if (const auto dimension = mark(text, "descent_dimension")) return device::descent_kernels(*dimension).cpu;
   if (const auto dimension = mark(text, "any_cells")) {
     for (const varimesh::NamedMaterial& one : varimesh::every_material())
       if (device::energy_number(*dimension, one.material) == mark(text, "energy_number"))

@@ -51,9 +51,9 @@ def number(text, name):
     return int(found[1]) if found else None
 
 
-def solver_kernels():
-    """The names of the kernels that work on no cells, by the file that defines them."""
-    text = (pathlib.Path(__file__).parents[3] / "core/device_kernels/kernels/solver_kernels.h").read_text()
+def listed_kernels(file):
+    """The names of the kernels of a solver, by the file that lists them."""
+    text = (pathlib.Path(__file__).parents[3] / "core/device_kernels/kernels" / file).read_text()
     return set(re.findall(r"(?m)^(?:EACH|EACH_PART|ADD|LARGEST)\((\w+),", text))
 
 
@@ -73,7 +73,8 @@ def words(kernel, kind):
 
 class Modules(unittest.TestCase):
     def test_there_are_all_kinds_and_energies_with_all_kernels(self):
-        kinds, energies, solvers = [], [], 0
+        kinds, energies, solvers = [], [], []
+        lists = {"solver_dimension": "solver_kernels.h", "descent_dimension": "descent/kernels.h"}
         sums = {"add_up_gradients", "add_up_products", "keep_cell_gradients", "along_cell_gradients", "add_norm_terms"}
         for _, text, kernels in modules():
             if number(text, "cell_kind"):
@@ -82,13 +83,15 @@ class Modules(unittest.TestCase):
             elif number(text, "any_cells"):
                 energies.append((number(text, "any_cells"), number(text, "energy_number")))
                 self.assertEqual(set(kernels), {"deform", "scan", "range", "stress", "linearise", "gradient",
-                                                "change_stress", "product", "node_block", "mean_tensor"} | sums)
+                                                "change_stress", "product", "node_block", "mean_tensor",
+                                                "keep_convex_part"} | sums)
             else:
-                solvers += 1
-                self.assertEqual(set(kernels), solver_kernels())
+                mark = next(mark for mark in lists if number(text, mark))
+                solvers.append((mark, number(text, mark)))
+                self.assertEqual(set(kernels), listed_kernels(lists[mark]))
         self.assertEqual(sorted(kinds), sorted(KINDS))
         self.assertEqual(sorted(energies), [(d, energy) for d in (2, 3) for energy in range(1, ENERGIES[d] + 1)])
-        self.assertEqual(solvers, 2)
+        self.assertEqual(sorted(solvers), [(mark, d) for mark in sorted(lists) for d in (2, 3)])
 
     def test_run_on_the_oldest_cards_and_drivers_that_are_promised(self):
         for _, text, _ in modules():
@@ -135,11 +138,24 @@ class Modules(unittest.TestCase):
 
     def test_read_each_number_of_a_vector_once(self):
         """Loads of floats and doubles in the kernels that only stream vectors."""
-        expected = {"advance": 4, "turn": 3, "take_direction": 1, "clear_step": 0, "scale_residual": 1, "keep_residual": 1,
-                    "add_residual": 2, "along_step": 2, "square_of_gradient": 1, "size_of_gradient": 1}
+        both = {"advance": 4, "turn": 3, "take_direction": 1, "keep_residual": 1, "along_step": 2, "square_of_gradient": 1}
+        expected = {"solver": both | {"clear_step": 0, "scale_residual": 1, "add_residual": 2, "size_of_gradient": 1},
+                    "descent": both | {"begin_system": 1, "round_direction": 1, "subtract_kept": 2}}
         for module, _, kernels in modules():
-            for name, count in expected.items() if module.startswith("solver") else ():
-                self.assertEqual(words(kernels[name], "ld.global"), count, name)
+            for name, count in expected.get(module.split("_")[0], {}).items():
+                self.assertEqual(words(kernels[name], "ld.global"), count, (module, name))
+
+    def test_load_each_value_of_a_cell_once_for_several_rows(self):
+        """A column of the descent's matrices: d values, and an entry in each of four rows, in every copy of the loop."""
+        for module, _, kernels in modules():
+            if not module.startswith("descent"):
+                continue
+            d = int(module[-2])
+            kernel = kernels["multiply_cells"]
+            fused = sum(count for kind, count in kernel.kinds.items() if kind.startswith("fma.rn.f64"))
+            self.assertGreater(fused, 0)
+            self.assertEqual(fused % (4 * d), 0)
+            self.assertEqual(words(kernel, "ld.global"), fused // (4 * d) * (4 + d), module)
 
     def test_do_not_spill_by_nvidias_assembler(self):
         ptxas = shutil.which("ptxas")

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -38,9 +39,11 @@ struct OnSphere {
     }
   }
 
-  double found(std::size_t first, std::size_t count) const {
-    return surface_distances(*shape, std::span(elements).subspan(first, count), kOrder, nodes, coordinates).largest;
+  Distances distances(std::size_t first, std::size_t count, int threads = 1) const {
+    const Team team(threads);
+    return surface_distances(*shape, std::span(elements).subspan(first, count), kOrder, nodes, coordinates, team);
   }
+  double found(std::size_t first, std::size_t count) const { return distances(first, count).largest; }
 
   /// Compares with what is expected: largest among the points where the distance may be measured.
   void expect_found(std::size_t first, std::size_t count) const {
@@ -94,6 +97,24 @@ TEST(BetweenNodes, AreTheSameForOneElementAndForMany) {
   double largest = 0;
   for (std::size_t e = 0; e < mesh.elements.size(); ++e) largest = std::max(largest, mesh.found(e, 1));
   EXPECT_EQ(mesh.found(0, mesh.elements.size()), largest);
+}
+
+TEST(BetweenNodes, DependNeitherOnTheThreadsNorOnTheOrderOfElements) {
+  OnSphere mesh;
+  for (int k = 0; k < 60; ++k) {  // from small ones to large ones, whose distances differ by three orders of magnitude
+    const double size = 0.1 + 0.01 * k;
+    mesh.add({Eigen::Vector2d(k, 0.1), Eigen::Vector2d(k + size, 0.2), Eigen::Vector2d(k + size / 2, 0.1 + size)});
+  }
+  const Distances one = mesh.distances(0, 60);
+  EXPECT_EQ(one.elements, 60);
+  mesh.expect_found(0, 60);
+  for (const int threads : {2, 3, 16}) {
+    const Distances many = mesh.distances(0, 60, threads);
+    EXPECT_EQ(many.largest, one.largest) << threads;
+    EXPECT_EQ(many.sum_of_squares, one.sum_of_squares) << threads;
+  }
+  std::ranges::reverse(mesh.elements);
+  EXPECT_EQ(mesh.found(0, 60), one.largest);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // How long the kernels of a device take: nanoseconds per cell for cells of orders 2 to 4, with the goals for tetrahedra
-// of order 4, and milliseconds for a step of conjugate gradients on them.
+// of order 4, and milliseconds for a step of conjugate gradients on them, on the energy and in the descent.
 //
 //   core_device_bench [--cells N] [--processor]
 //
@@ -20,6 +20,8 @@
 #include "core/device/card.h"
 #include "core/device/cpu_device.h"
 #include "core/device_kernels/cells_on_device.h"
+#include "core/quality/accuracy/team_accuracy.h"
+#include "core/solvers/descent/on_device/device_loss.h"
 #include "core/solvers/newton/device_objective.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
@@ -62,21 +64,22 @@ std::string with_goal(double figure, double goal) {
   return text;
 }
 
-Problem prepare(Filling filling, int order, double cells) {
+HighOrderMesh make_mesh(Filling filling, int order, double cells) {
   constexpr double kPerCube[] = {1, 2, 1.5, 1, 2, 6, 12, 5};  // as Filling has them
   const bool is_plane = testing::is_plane(filling);
   const double cubes = cells / kPerCube[static_cast<int>(filling)];
   const int side = std::max(1, static_cast<int>(std::lround(is_plane ? std::sqrt(cubes) : std::cbrt(cubes))));
-  const Team team(static_cast<int>(std::thread::hardware_concurrency()));
-  const HighOrderMesh mesh =
-      testing::grid(filling, {side, side, is_plane ? 1 : side}, order, testing::bent(is_plane ? 2 : 3));
+  return testing::grid(filling, {side, side, is_plane ? 1 : side}, order, testing::bent(is_plane ? 2 : 3));
+}
+
+Problem prepare(const HighOrderMesh& mesh) {
   Problem problem = testing::make_problem(mesh);
   for (CellSet& set : problem.sets) set.delta_squared.assign(static_cast<std::size_t>(set.count), 0);
   return problem;
 }
 
 void measure_cells(device::Device& device, Filling filling, int order, double wanted, int calls) {
-  const Problem problem = prepare(filling, order, wanted);
+  const Problem problem = prepare(make_mesh(filling, order, wanted));
   auto made = device::CellsOnDevice::make(device, problem, material(Options{}));
   if (!made) return must(tl::unexpected(made.error()));
   device::CellsOnDevice& cells = **made;
@@ -100,27 +103,59 @@ void measure_cells(device::Device& device, Filling filling, int order, double wa
               static_cast<double>(cells.memory()) / problem.cells);
 }
 
-/// A step of conjugate gradients with the whole preconditioner.
+/// A step of conjugate gradients on an objective whose vectors are on a device.
+double seconds_of_step(device::Device& device, Minimised& objective, int calls) {
+  objective.linearise(true);
+  objective.precondition();
+  objective.turn(0);
+  return seconds_of(device, calls, [&]() -> device::Possible<void> {
+    objective.multiply();
+    objective.advance(1e-3);
+    objective.precondition();
+    objective.turn(0.5);
+    return {};
+  });
+}
+
+/// A step on the energy, with the whole preconditioner.
 void measure_step(device::Device& device, double wanted, int calls) {
-  Problem problem = prepare(Filling::Tetrahedra, 4, wanted);
+  Problem problem = prepare(make_mesh(Filling::Tetrahedra, 4, wanted));
   const Material material = varimesh::material(Options{});
   const auto kernels = make_kernels(material, 3);
   const auto hessian = make_hessian_kernels(material, 3);
   const Team team(static_cast<int>(std::thread::hardware_concurrency()));
   try {
     DeviceObjective objective(device, problem, *kernels, *hessian, material, PNorm{1}, team);
-    objective.linearise(true);
-    objective.precondition();
-    objective.turn(0);
-    const double seconds = seconds_of(device, calls, [&]() -> device::Possible<void> {
-      objective.multiply();
-      objective.advance(1e-3);
-      objective.precondition();
-      objective.turn(0.5);
-      return {};
-    });
+    const double seconds = seconds_of_step(device, objective, calls);
     std::printf("step of conjugate gradients on %d tetrahedra of order 4: %s ms, %.0f bytes per cell\n", problem.cells,
                 with_goal(seconds * 1e3, problem.cells > 500'000 ? kStepGoal * problem.cells / 1e6 : 0).c_str(),
+                static_cast<double>(objective.memory()) / problem.cells);
+  } catch (const DeviceFailed& failed) {
+    must(tl::unexpected(failed.fault));
+  }
+}
+
+/// A step of the descent.
+void measure_descent(device::Device& device, double wanted, int calls) {
+  const HighOrderMesh mesh = make_mesh(Filling::Tetrahedra, 4, wanted);
+  Problem problem = prepare(mesh);
+  const Material material = varimesh::material(Options{});
+  const auto kernels = make_kernels(material, 3);
+  const auto hessian = make_hessian_kernels(material, 3);
+  const Team team(static_cast<int>(std::thread::hardware_concurrency()));
+  const std::vector<double> weights(static_cast<std::size_t>(problem.cells), 1e-3), hold(problem.free.size(), 1e-3);
+  const std::vector<double> places = free_positions(problem, problem.positions, team);
+  CellEnergy energy(problem, *kernels, *hessian, PNorm{}, team);
+  energy.weigh(weights, problem.cells);
+  const OrderSpace space = own_space(problem, team);
+  ModalForm form(problem, space, local_wave(mesh), team);
+  OrderLevels levels(problem, space, team);
+  levels.take_diagonals(form, weights);
+  try {
+    DeviceLoss objective(device, problem, energy, form, levels, material, team);
+    objective.begin_round(hold, places);
+    std::printf("step of the descent on %d tetrahedra of order 4: %.2f ms, %.0f bytes per cell\n", problem.cells,
+                seconds_of_step(device, objective, calls) * 1e3,
                 static_cast<double>(objective.memory()) / problem.cells);
   } catch (const DeviceFailed& failed) {
     must(tl::unexpected(failed.fault));
@@ -134,6 +169,7 @@ int run(device::Device& device, double cells, int calls) {
        {Filling::Tetrahedra, Filling::Triangles, Filling::Quadrilaterals, Filling::Prisms, Filling::Hexahedra})
     for (const int order : {2, 3, 4}) measure_cells(device, filling, order, cells, calls);
   measure_step(device, cells, calls);
+  measure_descent(device, cells, calls);
   return all_well ? 0 : 1;
 }
 

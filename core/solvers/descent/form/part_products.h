@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/reference/shape.h"
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/order_tables.h"
 
 namespace varimesh::detail {
 

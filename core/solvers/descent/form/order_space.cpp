@@ -1,4 +1,4 @@
-#include "core/solvers/descent/order_space.h"
+#include "core/solvers/descent/form/order_space.h"
 
 #include <algorithm>
 #include <atomic>

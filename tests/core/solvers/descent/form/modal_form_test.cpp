@@ -1,5 +1,5 @@
 // The quadratic form against the loss of accuracy, and its derivatives against differences.
-#include "core/solvers/descent/modal_form.h"
+#include "core/solvers/descent/form/modal_form.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The preconditioner is symmetric and positive.
-#include "core/solvers/descent/order_levels.h"
+#include "core/solvers/descent/form/order_levels.h"
 
 #include <gtest/gtest.h>
 

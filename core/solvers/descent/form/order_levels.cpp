@@ -1,7 +1,7 @@
-#include "core/solvers/descent/order_levels.h"
+#include "core/solvers/descent/form/order_levels.h"
 
 #include "core/base/index.h"
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/order_tables.h"
 #include "core/terms/cell_energy.h"
 
 namespace varimesh {

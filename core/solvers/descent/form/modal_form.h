@@ -10,8 +10,8 @@
 #include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/problem/problem.h"
-#include "core/solvers/descent/order_space.h"
-#include "core/solvers/descent/part_products.h"
+#include "core/solvers/descent/form/order_space.h"
+#include "core/solvers/descent/form/part_products.h"
 
 namespace varimesh {
 
@@ -46,6 +46,14 @@ class ModalForm {
   /// φ being the basis function of the node: the diagonal of a Laplacian. `spaces`: by order, from 1.
   std::vector<std::vector<double>> diagonals(std::span<const OrderSpace* const> spaces,
                                              std::span<const double> stiffness);
+
+  // === For those who compute with the form elsewhere ===
+  /// Of a set of the problem.
+  const detail::PartProducts& products(std::size_t set) const { return *products_[set]; }
+  /// κ^(2(P+1−s)) of a degree s.
+  double weight(int degree) const { return weights_[static_cast<std::size_t>(degree)]; }
+  /// By CellSet::first + cell: J⁻¹J⁻ᵀ, as PartProducts has the pairs of directions; 0 if det J = 0.
+  const std::vector<std::array<double, 6>>& metrics() const { return metrics_; }
 
   /// Room for d numbers per place, which all functions but the constructor overwrite.
   std::span<double> room() { return contributions_; }

@@ -1,4 +1,4 @@
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/order_tables.h"
 
 #include <Eigen/LU>
 #include <array>

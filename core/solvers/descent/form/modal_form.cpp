@@ -1,4 +1,4 @@
-#include "core/solvers/descent/modal_form.h"
+#include "core/solvers/descent/form/modal_form.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include "core/base/index.h"
 #include "core/base/io/large_arrays.h"
 #include "core/quality/accuracy/parts_table.h"
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/order_tables.h"
 #include "core/terms/cell_energy.h"
 
 namespace varimesh {

@@ -1,5 +1,5 @@
 // The nodes of lower orders are those of the mesh of this order.
-#include "core/solvers/descent/order_space.h"
+#include "core/solvers/descent/form/order_space.h"
 
 #include <gtest/gtest.h>
 

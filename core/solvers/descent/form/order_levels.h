@@ -7,9 +7,9 @@
 #include "core/base/aligned.h"
 #include "core/base/reduction.h"
 #include "core/base/team.h"
-#include "core/solvers/descent/modal_form.h"
-#include "core/solvers/descent/order_space.h"
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/modal_form.h"
+#include "core/solvers/descent/form/order_space.h"
+#include "core/solvers/descent/form/order_tables.h"
 
 namespace varimesh {
 
@@ -26,6 +26,10 @@ class OrderLevels {
 
   /// Takes new diagonals; the arguments are those of ModalForm::diagonals(). apply() overwrites ModalForm::room().
   void take_diagonals(ModalForm& form, std::span<const double> stiffness);
+
+  /// By order, from 1: the spaces, and the inverses of their diagonals by free node.
+  std::span<const OrderSpace* const> spaces() const { return spaces_; }
+  const std::vector<std::vector<double>>& inverse_diagonals() const { return inverse_diagonals_; }
 
   /// z = M⁻¹ r, d numbers per free node each. Returns r · z.
   double apply(std::span<const double> r, std::span<double> z);

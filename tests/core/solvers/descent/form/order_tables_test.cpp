@@ -1,5 +1,5 @@
 // The matrices in lanes are those of the bases, on quadrilaterals and hexahedra as products over the axes too.
-#include "core/solvers/descent/order_tables.h"
+#include "core/solvers/descent/form/order_tables.h"
 
 #include <gtest/gtest.h>
 

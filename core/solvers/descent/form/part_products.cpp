@@ -1,6 +1,6 @@
 // Sums run over nodes, modes and entries in ascending order, lane by lane. The result of a cell therefore depends on
 // the machine's vector unit only by its fused multiplications, and not on the cells beside it.
-#include "core/solvers/descent/part_products.h"
+#include "core/solvers/descent/form/part_products.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@
 #include "core/reference/cache.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/solvers/descent/part_products.cpp"
+#define HWY_TARGET_INCLUDE "core/solvers/descent/form/part_products.cpp"
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 
 #include "core/kernels/dense/lane_matrix-inl.h"
