@@ -4,13 +4,13 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <optional>
 #include <set>
 
 #include "core/association/file_parameters.h"
 #include "core/association/match.h"
 #include "core/association/repeated.h"
 #include "core/association/units.h"
+#include "core/base/index.h"
 #include "core/geometry/closest_point.h"
 #include "core/mesh/bounding_box.h"
 
@@ -39,14 +39,14 @@ class Placing {
   NodeEntity entity(std::int32_t node, const std::vector<int>& surfaces) const {
     const Eigen::Vector3d x = position(node);
     std::vector<int> curves;
-    for (const int c : curves_of_[static_cast<std::size_t>(surfaces.front())])
+    for (const int c : curves_of_[at(surfaces.front())])
       if (bounds_all(c, surfaces)) curves.push_back(c);
     if (const auto vertex = vertex_at(x, surfaces); vertex.dimension == 0) return vertex;
     if (const auto known = by_parameters(node, curves); known.dimension == 1) return known;
     NodeEntity best;
     double least = kMatchTolerance * size_, second = least;
     for (const int c : curves) {
-      const geometry::CurveFoot foot = searches_[static_cast<std::size_t>(c)].closest(x);
+      const geometry::CurveFoot foot = searches_[at(c)].closest(x);
       if (foot.distance >= least) {
         second = std::min(second, foot.distance);
         continue;
@@ -73,18 +73,18 @@ class Placing {
   }
 
   Eigen::Vector3d position(std::int32_t node) const {
-    return Eigen::Map<const Eigen::Vector3d>(&mesh_.coordinates[3 * static_cast<std::size_t>(node)]);
+    return Eigen::Map<const Eigen::Vector3d>(&mesh_.coordinates[3 * at(node)]);
   }
 
   /// The curve that the node lies on, if the surface lies on both sides of this curve and its parameters do not go on
   /// past it. Otherwise the dimension is −1.
   NodeEntity slit(std::int32_t node, int surface) const {
-    const geometry::SurfaceShape& shape = *geometry_.surfaces[static_cast<std::size_t>(surface)].shape;
+    const geometry::SurfaceShape& shape = *geometry_.surfaces[at(surface)].shape;
     if (shape.u_range().period > 0 || shape.v_range().period > 0) return {};
-    for (const int c : curves_of_[static_cast<std::size_t>(surface)]) {
-      const geometry::Curve& curve = geometry_.curves[static_cast<std::size_t>(c)];
+    for (const int c : curves_of_[at(surface)]) {
+      const geometry::Curve& curve = geometry_.curves[at(c)];
       if (curve.surfaces.size() != 2 || curve.surfaces[0] != curve.surfaces[1]) continue;
-      const geometry::CurveFoot foot = searches_[static_cast<std::size_t>(c)].closest(position(node));
+      const geometry::CurveFoot foot = searches_[at(c)].closest(position(node));
       if (foot.distance < kVertexTolerance * size_) return {1, c, foot.distance, {foot.t, 0}};
     }
     return {};
@@ -99,7 +99,7 @@ class Placing {
     NodeEntity only;
     int found = 0;
     for (const int c : curves) {
-      const geometry::Curve& curve = geometry_.curves[static_cast<std::size_t>(c)];
+      const geometry::Curve& curve = geometry_.curves[at(c)];
       const geometry::CurveFoot foot = detail::foot_at(*curve.shape, position(node), place.at[0], size_);
       if (!std::isfinite(foot.distance)) continue;
       only = {1, c, foot.distance, {foot.t, 0}};
@@ -110,7 +110,7 @@ class Placing {
   }
 
   bool bounds_all(int curve, const std::vector<int>& surfaces) const {
-    const std::vector<int>& of = geometry_.curves[static_cast<std::size_t>(curve)].surfaces;
+    const std::vector<int>& of = geometry_.curves[at(curve)].surfaces;
     return std::ranges::all_of(surfaces, [&](int s) { return std::ranges::find(of, s) != of.end(); });
   }
 
@@ -179,11 +179,10 @@ void find_missed_feet(const Placing& placing, const geometry::SurfaceShape& shap
 std::vector<geometry::SurfaceFoot> feet_of(const Placing& placing, const geometry::SurfaceShape& shape,
                                            const std::vector<std::int32_t>& nodes, const std::vector<int>& tags,
                                            double tolerance, const Team& team) {
-  constexpr std::int32_t kNodesPerTask = 16;
   std::vector<geometry::SurfaceFoot> feet(nodes.size());
   const auto for_nodes = [&](const auto& body) {
-    team.for_each(static_cast<std::int32_t>(nodes.size()), kNodesPerTask,
-                  [&](std::int32_t i) { body(nodes[static_cast<std::size_t>(i)], feet[static_cast<std::size_t>(i)]); });
+    team.for_each(static_cast<std::int32_t>(nodes.size()), 16,
+                  [&](std::int32_t i) { body(nodes[at(i)], feet[at(i)]); });
   };
   const auto is_missing = [](const geometry::SurfaceFoot& foot) { return !std::isfinite(foot.distance); };
   for_nodes([&](std::int32_t node, auto& foot) { foot = placing.by_parameters(node, shape, tags); });
@@ -204,7 +203,7 @@ void judge_parameters(const Placing& placing, Association& result) {
     const NodeEntity& entity = result.nodes[node];
     if (!place.has_parameters || entity.dimension != place.dimension) continue;
     const Eigen::Vector3d x = placing.position(static_cast<std::int32_t>(node));
-    const auto index = static_cast<std::size_t>(entity.entity);
+    const auto index = at(entity.entity);
     const double distance =
         entity.dimension == 1
             ? detail::foot_at(*result.geometry.curves[index].shape, x, place.at[0], result.size).distance
@@ -223,7 +222,7 @@ std::vector<std::vector<int>> surfaces_by_node(const HighOrderMesh& mesh, const 
     const std::vector<int>& of = association.surface_of_element[b];
     const std::size_t stride = of.empty() ? 0 : mesh.blocks[b].nodes.size() / of.size();
     for (std::size_t k = 0; k < of.size() * stride; ++k) {
-      std::vector<int>& own = surfaces[static_cast<std::size_t>(mesh.blocks[b].nodes[k])];
+      std::vector<int>& own = surfaces[at(mesh.blocks[b].nodes[k])];
       const auto place = std::ranges::lower_bound(own, of[k / stride]);
       if (place == own.end() || *place != of[k / stride]) own.insert(place, of[k / stride]);
     }
@@ -236,7 +235,7 @@ std::vector<std::vector<int>> tags_by_surface(const HighOrderMesh& mesh, const A
   std::vector<std::set<int>> tags(association.geometry.surfaces.size());
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
     for (const int s : association.surface_of_element[b])
-      if (s >= 0) tags[static_cast<std::size_t>(s)].insert(mesh.blocks[b].entity);
+      if (s >= 0) tags[at(s)].insert(mesh.blocks[b].entity);
   std::vector<std::vector<int>> result;
   for (const std::set<int>& of : tags) result.emplace_back(of.begin(), of.end());
   return result;
@@ -251,28 +250,26 @@ std::vector<int> place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags
   result.held.clear();
   for (std::size_t node = 0; node < surfaces.size(); ++node)
     for (const int s : surfaces[node])
-      if (s >= 0) result.surfaces[static_cast<std::size_t>(s)].nodes.push_back(static_cast<std::int32_t>(node));
+      if (s >= 0) result.surfaces[at(s)].nodes.push_back(static_cast<std::int32_t>(node));
   const Placing placing(mesh, result);
   const std::vector<bool> border = detail::border_nodes(mesh);
   result.nodes.assign(mesh.node_count(), {});
   team.for_each(static_cast<std::int32_t>(mesh.node_count()), 64, [&](std::int32_t node) {
-    const std::vector<int>& on = surfaces[static_cast<std::size_t>(node)];
+    const std::vector<int>& on = surfaces[at(node)];
     if (on.empty() || on.front() < 0) return;
-    if (on.size() > 1 || border[static_cast<std::size_t>(node)])
-      result.nodes[static_cast<std::size_t>(node)] = placing.entity(node, on);
+    if (on.size() > 1 || border[at(node)]) result.nodes[at(node)] = placing.entity(node, on);
   });
   team.for_each(static_cast<std::int32_t>(result.surfaces.size()), 1, [&](std::int32_t s) {
-    SurfaceNodes& own = result.surfaces[static_cast<std::size_t>(s)];
+    SurfaceNodes& own = result.surfaces[at(s)];
     if (own.nodes.empty()) return;
-    const geometry::SurfaceShape& shape = *result.geometry.surfaces[static_cast<std::size_t>(s)].shape;
-    const auto feet =
-        feet_of(placing, shape, own.nodes, tags_on[static_cast<std::size_t>(s)], kMatchTolerance * result.size, team);
+    const geometry::SurfaceShape& shape = *result.geometry.surfaces[at(s)].shape;
+    const auto feet = feet_of(placing, shape, own.nodes, tags_on[at(s)], kMatchTolerance * result.size, team);
     for (std::size_t i = 0; i < own.nodes.size(); ++i) {
       const std::int32_t node = own.nodes[i];
       const geometry::SurfaceFoot& foot = feet[i];
       own.parameters.push_back({foot.u, foot.v});
-      if (surfaces[static_cast<std::size_t>(node)].size() != 1 || border[static_cast<std::size_t>(node)]) continue;
-      NodeEntity& entity = result.nodes[static_cast<std::size_t>(node)];
+      if (surfaces[at(node)].size() != 1 || border[at(node)]) continue;
+      NodeEntity& entity = result.nodes[at(node)];
       entity = placing.slit(node, s);
       if (entity.dimension < 0 && foot.distance < kMatchTolerance * result.size)
         entity = {2, s, foot.distance, {foot.u, foot.v}};
@@ -298,12 +295,12 @@ void place_between_overlaps(const HighOrderMesh& mesh, const NodeSurfaces& tags,
   const auto surfaces = surfaces_by_node(mesh, result);
   std::vector<detail::CommonPoint> points;
   for (const std::int32_t node : result.held) {
-    const std::vector<int>& on = surfaces[static_cast<std::size_t>(node)];
+    const std::vector<int>& on = surfaces[at(node)];
     if (on.size() < 2 || on.front() < 0) continue;
     detail::CommonPoint& point = points.emplace_back();
-    point.x = Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(node)]);
+    point.x = Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * at(node)]);
     point.surfaces = on;
-    for (const int s : on) point.feet.push_back(result.surfaces[static_cast<std::size_t>(s)].of(node));
+    for (const int s : on) point.feet.push_back(result.surfaces[at(s)].of(node));
   }
   if (points.empty()) return;
   if (detail::complete_at(result.geometry, points, kVertexTolerance * result.size) > 0)
@@ -340,7 +337,7 @@ struct Attempt {
 }  // namespace
 
 std::array<double, 2>& SurfaceNodes::of(std::int32_t node) {
-  return parameters[static_cast<std::size_t>(std::ranges::lower_bound(nodes, node) - nodes.begin())];
+  return parameters[at(std::ranges::lower_bound(nodes, node) - nodes.begin())];
 }
 
 Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geometry& geometry, const Team& team) {
@@ -387,7 +384,7 @@ std::size_t snap(HighOrderMesh& mesh, Association& association, double tolerance
   for (std::size_t node = 0; node < association.nodes.size(); ++node) {
     NodeEntity& entity = association.nodes[node];
     if (entity.dimension < 0 || entity.distance <= tolerance * association.size) continue;
-    const auto index = static_cast<std::size_t>(entity.entity);
+    const auto index = at(entity.entity);
     const geometry::Geometry& geometry = association.geometry;
     const Eigen::Vector3d x = entity.dimension == 0 ? geometry.vertices[index].x
                               : entity.dimension == 1

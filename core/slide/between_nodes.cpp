@@ -90,9 +90,7 @@ class EntityNodes {
  private:
   static constexpr std::int32_t kNodesPerTask = 64;
 
-  bool can_start(std::size_t place) const {
-    return known_.empty() ? can_start_(nodes_[place].at) : known_[place] != 0;
-  }
+  bool can_start(std::size_t place) const { return known_.empty() ? can_start_(nodes_[place].at) : known_[place] != 0; }
 
   const std::vector<EntityNode>& nodes_;
   const std::vector<double>& coordinates_;
@@ -200,8 +198,7 @@ Distances sample(std::span<const EntityElement> elements, int order, const Entit
   for (const OnLattice& one : found) sum.add(one.of);
   const double least = kMayBeLargest * sum.largest;
   for_elements([&](OnLattice& one, const auto& element) {
-    if (one.of.largest > least)
-      one.of.largest = std::max(one.of.largest, element().on_finer(one.lattice, least));
+    if (one.of.largest > least) one.of.largest = std::max(one.of.largest, element().on_finer(one.lattice, least));
   });
   for (const OnLattice& one : found) sum.largest = std::max(sum.largest, one.of.largest);
   return sum;
@@ -235,9 +232,8 @@ Distances curve_distances(const geometry::CurveShape& shape, std::span<const Ent
                           const Team& team) {
   const auto can_start = [](const std::array<double, 2>&) { return true; };
   const auto distance = [&](const Eigen::Vector3d& x, const Start& start) {
-    return closest(start, [&](const std::array<double, 2>& from) {
-      return geometry::closest_from(shape, x, from[0]).distance;
-    });
+    return closest(
+        start, [&](const std::array<double, 2>& from) { return geometry::closest_from(shape, x, from[0]).distance; });
   };
   const EntityNodes all(elements.size(), nodes, coordinates, can_start, {shape.range(), {}}, team);
   return sample(elements, order, all, distance, team);

@@ -25,8 +25,10 @@ struct Distances {
 /// @param coordinates  of all nodes of the mesh
 /// @param team         shares the elements; the result does not depend on the number of threads
 Distances curve_distances(const geometry::CurveShape& shape, std::span<const EntityElement> elements, int order,
-                          const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates, const Team& team);
+                          const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates,
+                          const Team& team);
 Distances surface_distances(const geometry::SurfaceShape& shape, std::span<const EntityElement> elements, int order,
-                            const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates, const Team& team);
+                            const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates,
+                            const Team& team);
 
 }  // namespace varimesh::detail

@@ -94,13 +94,24 @@ void Caller::remove(const std::string& name) const {
   require(jobs->DeleteJob(&context, request, &response));
 }
 
+namespace {
+
+bool has_ended(v1::JobState state) {
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED || state == v1::JOB_STATE_CANCELLED;
+}
+
+}  // namespace
+
 double Caller::wait_until(const std::string& name, const std::function<bool(const v1::Job&)>& reached) const {
   const auto begun = Clock::now();
   while (milliseconds_since(begun) < 300'000) {
-    if (reached(get(name))) return milliseconds_since(begun);
+    const v1::Job now = get(name);
+    if (reached(now)) return milliseconds_since(begun);
+    if (has_ended(now.state())) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
-  std::printf("VIOLATION: %s does not reach the expected state\n", name.c_str());
+  std::printf("VIOLATION: %s does not reach the expected state; it is %s\n", name.c_str(),
+              v1::JobState_Name(get(name).state()).c_str());
   std::exit(1);
 }
 

@@ -1,4 +1,7 @@
 // The steps of a round, on the processor or on a device.
+#include <optional>
+#include <utility>
+
 #include "core/solvers/descent/descent.h"
 
 namespace varimesh {
@@ -68,7 +71,7 @@ NewtonOutcome Descent::step(std::optional<NewtonMethod>& method, DescentRound& r
   } catch (const DeviceFailed& failed) {
     leave_device(failed.fault);
   }
-  // The last thing that a step does to the nodes is to put them where they stay.
+  // A step moves the nodes only when it has succeeded, so they are where it began.
   objective_.forget_form();
   method.emplace(objective_, before);
   return method->step();

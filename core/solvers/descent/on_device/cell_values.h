@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "core/device/queue.h"
 #include "core/device_kernels/kernels/descent/arguments.h"

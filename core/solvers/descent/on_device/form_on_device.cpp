@@ -1,5 +1,7 @@
 #include "core/solvers/descent/on_device/form_on_device.h"
 
+#include <array>
+
 #include "core/base/index.h"
 #include "core/kernels/hessian/batch.h"
 
