@@ -23,8 +23,7 @@ class DeviceForRun {
   explicit DeviceForRun(DeviceBudget* budget) : budget_(budget) {}
 
   /// Takes a device if the run asks for one. False if the attempt is to end.
-  /// @param was_lost  the process of an earlier attempt has ended before its run. It may have been the device's fault,
-  /// so
+  /// @param was_lost  the process of an earlier attempt has ended before its run. Perhaps the device was the cause, so
   ///                  the run gets none
   /// @param waits     called once, before the run waits
   bool take(DeviceChoice choice, bool was_lost, const LentThreads& threads, const std::function<bool()>& given_up,

@@ -160,7 +160,8 @@ class Faults(WithFarm):
                 front.stop()
 
     def kill_whoever_runs(self, name, workers, ended):
-        """Kills the process that runs a job as soon as it does, as a poisonous mesh would. Returns how many attempts that ended."""
+        """Kills the process that runs a job as soon as it does, as a poisonous mesh would. Returns how many attempts it saw. An attempt
+        that takes a process killed with the one before has ended before it is seen."""
         attempts = set()
         while not ended.is_set():
             rows = self.query(f"SELECT worker, state, token FROM jobs WHERE name = '{name}'")
@@ -198,7 +199,7 @@ class Faults(WithFarm):
                 ended.set()
                 job = self.jobs(front)[poison]
                 self.assertEqual((job["state"], job["attempt"]), ("failed", 3), job)
-                self.assertEqual(counted, [3])
+                self.assertIn(counted, ([1], [2], [3]))
             wanted = "', '".join(names)
             self.assertEqual(self.query(f"SELECT state, count(*) FROM jobs WHERE name IN ('{wanted}') GROUP BY state"),
                              [["4", str(many_jobs)]], "all SUCCEEDED")
