@@ -1,4 +1,4 @@
-// The graphics cards of the machine, of which each running job may have one.
+// The graphics cards that a server lends to its jobs: at most one to each running job.
 #pragma once
 
 #include <condition_variable>

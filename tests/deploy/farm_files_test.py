@@ -337,20 +337,26 @@ class Prometheus(unittest.TestCase):
 
 
 class Systemd(unittest.TestCase):
-    def test_the_unit_of_a_worker_is_right(self):
+    def checked(self, name, key, wrong_key):
+        """Has systemd read the unit with the file of this name beside it, as it is and with a wrong key in a key's place. Returns the
+        texts of the unit and of the file."""
         with tempfile.TemporaryDirectory() as folder:
-            unit, more = Path(folder) / "varimeshd.service", Path(folder) / "varimeshd.service.d" / "worker.conf"
+            unit, more = Path(folder) / "varimeshd.service", Path(folder) / "varimeshd.service.d" / name
             text = (TREE / "deploy" / "varimeshd.service").read_text()
             unit.write_text(text.replace("ExecStart=/usr/bin/varimeshd\n", f"ExecStart={VARIMESHD}\n"))
             more.parent.mkdir()
-            added = (FARM / "systemd" / "worker.conf").read_text()
-            for faults, wrong in ((False, added), (True, added.replace("IPAddressAllow=", "IPAddressesAllow="))):
+            added = (FARM / "systemd" / name).read_text()
+            for faults, wrong in ((False, added), (True, added.replace(f"{key}=", f"{wrong_key}="))):
                 more.write_text(wrong)
                 checked = subprocess.run(["systemd-analyze", "verify", unit.name], capture_output=True, text=True, timeout=60,
                                          env={**os.environ, "SYSTEMD_UNIT_PATH": f"{folder}:"})
-                self.assertEqual("'IPAddressesAllow'" in checked.stderr, faults, checked.stderr)
+                self.assertEqual(f"'{wrong_key}'" in checked.stderr, faults, checked.stderr)
                 if not faults:
                     self.assertEqual((checked.returncode, checked.stderr), (0, ""))
+        return text, added
+
+    def test_the_unit_of_a_worker_is_right(self):
+        text, added = self.checked("worker.conf", "IPAddressAllow", "IPAddressesAllow")
         unset = re.findall(r"^UnsetEnvironment=(.*)$", added, re.MULTILINE)
         words = " ".join(re.findall(r"^Environment=(.*)$", text + added, re.MULTILINE)).split()
         variables = dict(word.split("=", 1) for word in words if word.startswith("VARIMESHD_"))
@@ -361,21 +367,8 @@ class Systemd(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(done.stdout.count("# from the environment"), len(variables))
 
-
     def test_the_unit_with_devices_is_right(self):
-        with tempfile.TemporaryDirectory() as folder:
-            unit, more = Path(folder) / "varimeshd.service", Path(folder) / "varimeshd.service.d" / "devices.conf"
-            text = (TREE / "deploy" / "varimeshd.service").read_text()
-            unit.write_text(text.replace("ExecStart=/usr/bin/varimeshd\n", f"ExecStart={VARIMESHD}\n"))
-            more.parent.mkdir()
-            added = (FARM / "systemd" / "devices.conf").read_text()
-            for faults, wrong in ((False, added), (True, added.replace("DeviceAllow=", "DevicesAllow="))):
-                more.write_text(wrong)
-                checked = subprocess.run(["systemd-analyze", "verify", unit.name], capture_output=True, text=True, timeout=60,
-                                         env={**os.environ, "SYSTEMD_UNIT_PATH": f"{folder}:"})
-                self.assertEqual("'DevicesAllow'" in checked.stderr, faults, checked.stderr)
-                if not faults:
-                    self.assertEqual((checked.returncode, checked.stderr), (0, ""))
+        _, added = self.checked("devices.conf", "DeviceAllow", "DevicesAllow")
         self.assertIn("--devices", flags_of_varimeshd())
         self.assertIn("VARIMESHD_DEVICES=1", added)
 

@@ -92,7 +92,7 @@ class LinearisedThread : public GeneralThread<E, d> {
   }
 
   /// Replaces what was kept of a point by a positive semidefinite part: without f_J, and with f_JJ at least λ/(J² +
-  /// δ²). Only for the hyperelastic energy, of which f_Q is μ/2. The nodes are where they were linearised.
+  /// δ²). Only for the hyperelastic energy, whose f_Q is μ/2. The nodes must be where they were linearised.
   HWY_INLINE void keep_convex_part() const {
     float* partials = this->a_.linearisation + this->at_point(this->own_, Kept::kEntries);
     const double J = determinant<d>(this->deformation_of_shape()).value;

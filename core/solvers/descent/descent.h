@@ -193,12 +193,13 @@ class Descent {
   ModalForm form_;      ///< In the room of barrier_.
   OrderLevels levels_;
   LossObjective objective_;
-  std::unique_ptr<DeviceLoss> on_device_;  ///< Minimises the same; null: there is no device, or it is not there yet.
-  bool tries_device_ = true;               ///< A device that is not there yet is taken.
-  std::vector<double> factors_;            ///< By cell: what ε_e has been raised by.
-  std::vector<double> weights_;            ///< By cell: ε_e/V_e.
-  std::vector<char> lost_;                 ///< By cell of the problem: it lost its certificate in the last round.
-  std::vector<char> uncertified_;          ///< By cell of the problem: it had no certificate after the last round.
+  /// Minimises the same on the device. Null before the first round, without a device, and after its fault.
+  std::unique_ptr<DeviceLoss> on_device_;
+  bool tries_device_ = true;       ///< The device has not been tried. It is tried once.
+  std::vector<double> factors_;    ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;    ///< By cell: ε_e/V_e.
+  std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
   int raises_ = 0;            ///< Also counts the rounds that were taken back.

@@ -18,7 +18,7 @@
 //   lost=3             the third launch breaks the card: every later call ends with 719
 //   lost_at_wait=3     the third launch breaks the card, and the next call that waits is the first to say so
 //   shared=49152       bytes of shared memory per block
-//   busy_for=300       making a context takes so many milliseconds
+//   busy_for=300       making a context takes this many milliseconds
 //   thread             making a context starts a thread that lives on
 //   crash=3            the third launch ends the process
 //   wrong              results that are copied from the card have a wrong bit

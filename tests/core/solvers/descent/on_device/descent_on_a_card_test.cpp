@@ -28,7 +28,7 @@ class DescentOnACard : public ::testing::Test {
     EXPECT_TRUE(card) << card.error().sentence;
     return std::move(*card);
   }
-  /// The positions before and after each of so many steps, as far as the device gets; then its fault.
+  /// The positions before the first step and after each one. If the device fails, they end there, with its fault.
   struct Steps {
     std::vector<std::vector<double>> positions;
     std::optional<device::Fault> fault;
