@@ -128,7 +128,8 @@ class Run {
   void forecast(const DescentRound& round);
   /// Begins the descent once more from the mesh that the last one has made, as another run would: with targets from
   /// that mesh. The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to
-  /// nothing. `last`: there is nothing to gain. No checkpoint is taken in these descents.
+  /// nothing, and would gain as little if it began without weight for low cells. `last`: there is nothing to gain. No
+  /// checkpoint is taken in these descents.
   bool descends_again(bool& last);
 
   SetUp& set_up_;
@@ -154,6 +155,8 @@ class Run {
   std::optional<StageRun> stage_run_;
   std::optional<Descent> descent_;
   int descents_ = 0;                     ///< Those before the present one.
+  bool begins_weighted_ = false;  ///< The present one began with more weight for low cells than another run would give.
+  bool retries_ = false;          ///< The present one began without it, because the last one, with it, gained little.
   std::vector<double> before_descents_;  ///< With descents_ > 0, the coordinates of set_up_.mesh before the first.
   Descent::State most_accurate_;  ///< Of the descents so far; while another runs, set_up_.mesh has its coordinates.
 };

@@ -252,9 +252,10 @@ void Run::finish_stages() {
     result_.seconds = stage_run_->seconds();
     result_.history = stage_run_->take_history();
     raised_ = stage_run_->take_raised();
-    if (descent_ && !descent_->best().coordinates.empty())
+    const bool in_vain = retries_ && descent_ && !descent_->has_gained();
+    if (descent_ && !descent_->best().coordinates.empty() && !in_vain)
       most_accurate_ = descent_->take_best();
-    else if (descents_ > 0)  // interrupted before the next descent had a mesh
+    else if (descents_ > 0)  // or interrupted before the next descent had a mesh
       most_accurate_.coordinates = set_up_.mesh.coordinates;
     descent_.reset();
     stage_run_.reset();  // frees what Newton's method needed

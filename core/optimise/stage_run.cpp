@@ -31,6 +31,10 @@ constexpr int kMostWithMostProducts = 10;
 constexpr int kMostStanding = 10;
 constexpr double kLowerResidual = 0.5;  // times the least one
 constexpr double kLowerEnergy = 1e-12;  // of the energy; its rounding is less
+/// The same while cells are tangled. δ depends on the mesh, so the energy also rises from one step to the next, and two
+/// meshes with two δ may follow each other without an end, at energies that differ by 1e-8 from one round to the next.
+constexpr int kMostStandingTangled = 50;
+constexpr double kLowerEnergyTangled = 1e-6;
 
 }  // namespace
 
@@ -244,17 +248,21 @@ std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome)
 std::optional<StopReason> StageRun::newton_ends() {
   if (began_ == 0 && iteration_.linear_solve == LinearSolve::MostProducts && ++most_products_ >= kMostWithMostProducts)
     return StopReason::MostProducts;
-  // While cells are tangled that may be repaired, δ changes the energy, and other methods decide when to go on.
-  if (guard_.unrepaired() > 0) least_residual_ = 0;
-  const bool first = least_residual_ == 0;
+  const bool tangled = guard_.unrepaired() > 0;
+  const bool has_fewer = history_.size() > 1 && history_[history_.size() - 2].left_elements > iteration_.left_elements;
+  const bool first = least_residual_ == 0 || has_fewer || (!tangled && standing_ >= kMostStanding);
+  const double lower = tangled ? kLowerEnergyTangled : kLowerEnergy;
   if (first || iteration_.residual < kLowerResidual * least_residual_ ||
-      iteration_.energy < least_energy_ - kLowerEnergy * std::abs(least_energy_)) {
+      iteration_.energy < least_energy_ - lower * std::abs(least_energy_)) {
     least_residual_ = first ? iteration_.residual : std::min(least_residual_, iteration_.residual);
     least_energy_ = first ? iteration_.energy : std::min(least_energy_, iteration_.energy);
     standing_ = 0;
     return std::nullopt;
   }
-  return ++standing_ < kMostStanding ? std::nullopt : std::optional(StopReason::NoProgress);
+  // Other methods may come for tangled cells, and decide when to go on.
+  const bool waits = tangled && chooser_.outlook(guard_.unrepaired()) != Outlook::Nothing;
+  const int most = tangled ? kMostStandingTangled : kMostStanding;
+  return ++standing_ < most || waits ? std::nullopt : std::optional(StopReason::NoProgress);
 }
 
 void StageRun::returned() {

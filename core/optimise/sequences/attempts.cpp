@@ -83,6 +83,13 @@ bool has_stayed(const SetUp& set_up, const Result& result) {
          set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
 }
 
+/// Whether small patches have made the mesh valid after the descent, which could not lower the loss of a mesh with
+/// invalid cells as far.
+bool was_made_valid_late(const SetUp& set_up, const Result& result) {
+  return result.made_valid_at_end > 0 && set_up.options.objective == Objective::Accuracy &&
+         set_up.options.until != Until::Valid && left(result) == 0;
+}
+
 /// How good the mesh is, as the end of a sentence.
 std::string outcome_text(const Result& result) {
   const Merit merit = merit_of(result.after);
@@ -121,6 +128,7 @@ class Attempts {
 
   OtherWays run() {
     free_tables();
+    if (was_made_valid_late(set_up_, result_)) go_on();
     std::optional<Result> best;
     const Way* way = nullptr;
     for (const Way& each : kWays) {
@@ -129,7 +137,9 @@ class Attempts {
       if (!is_for(each, so_far)) continue;
       expect_ways(
           std::count_if(&each, kWays.data() + kWays.size(), [&](const Way& way) { return is_for(way, so_far); }));
-      std::optional<Result> other = run(options_of(each), set_up_.mesh.coordinates);
+      Options options = options_of(each);
+      options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
+      std::optional<Result> other = run(options, set_up_.mesh.coordinates);
       if (!other) continue;
       tried_ += (tried_.empty() ? "" : ", ") + std::string(each.name);
       if (!should_take(*other, so_far)) continue;
@@ -259,19 +269,36 @@ class Attempts {
     return raised && left(*raised) < left(result_) ? std::optional(left(*raised)) : std::nullopt;
   }
 
+  /// Runs from this mesh as the run would have. Nothing if there are no means left, or the mesh is refused.
+  std::optional<Result> run_from(const HighOrderMesh& mesh) {
+    if (!may_go_on()) return std::nullopt;
+    most_work_ += work_;
+    work_of_each_ = most_work_;  // this run is no attempt
+    expect_ways(1);
+    return run(set_up_.options, mesh.coordinates);
+  }
+
+  /// Goes on from the mesh of the run, which small patches have made valid at its end.
+  void go_on() {
+    std::optional<Result> whole = run_from(result_.mesh);
+    if (!whole || !is_better(merit_of(whole->after), merit_of(result_.after), asked_by(set_up_.options))) return;
+    result_.notes.emplace_back("The run went on from there.");
+    take_outcome(std::move(*whole));
+  }
+
   /// Takes this result of an attempt, after going on from its mesh as the run would have.
   void take(Result best, const Way& way) {
     const std::string before = outcome_text(result_), after = outcome_text(best);
-    if (may_go_on()) {
-      most_work_ += work_;
-      work_of_each_ = most_work_;  // this run is no attempt
-      expect_ways(1);
-      std::optional<Result> whole = run(set_up_.options, best.mesh.coordinates);
-      if (whole && !should_take(best, *whole)) best = std::move(*whole);
-    }
+    std::optional<Result> whole = run_from(best.mesh);
+    if (whole && !should_take(best, *whole)) best = std::move(*whole);
     if (has_stayed(set_up_, result_)) result_.notes.clear();  // they say that nothing was moved
     result_.notes.push_back("By the run's own way, " + before + ". With " + way.name + ", " + after +
                             ". So the run went on from there.");
+    take_outcome(std::move(best));
+  }
+
+  /// The mesh, and how the run that has made it ended.
+  void take_outcome(Result best) {
     result_.mesh = std::move(best.mesh);
     result_.after = std::move(best.after);
     result_.residual = best.residual;
@@ -311,7 +338,8 @@ class Attempts {
 
 OtherWays try_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
                    Result& result, bool raises_order) {
-  const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result);
+  const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result) ||
+                         was_made_valid_late(set_up, result);
   const bool is_open = control.another_follows && left(result) > 0;
   const bool may = is_wanted && !is_open && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
                    !stop.stopped() && result.iterations > 0;

@@ -126,6 +126,9 @@ class Descent {
   /// Whether the best mesh has a lower loss than the mesh at the beginning, by more than next to nothing, and is valid.
   bool has_gained() const;
 
+  /// The share of the loss at the beginning by which the best mesh is below it.
+  double gain() const { return start_loss_ > 0 ? 1 - best_.merit.loss / start_loss_ : 0; }
+
   /// Whether another descent from the best mesh, with targets from there, would change next to nothing: the last round
   /// ended because no node would move any more or no loss is worth a move, or no round has found a better mesh than the
   /// one at the beginning, from which the other descent would repeat this one.

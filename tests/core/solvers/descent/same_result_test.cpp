@@ -58,6 +58,36 @@ TEST(SameResult, OfASecondRun) {
   EXPECT_LT(testing::distance(once, again), 2e-4);
 }
 
+/// far_vertex.msh with its vertex elsewhere.
+HighOrderMesh with_vertex_at(double x, double y) {
+  HighOrderMesh mesh = read_case("far_vertex.msh");
+  double* vertex = nullptr;
+  for (std::size_t n = 0; n < mesh.node_count(); ++n)
+    if (mesh.coordinates[3 * n] == 100) vertex = &mesh.coordinates[3 * n];
+  vertex[0] = x;
+  vertex[1] = y;
+  return mesh;
+}
+
+struct Vertex {
+  const char* name;
+  double x, y;
+};
+
+/// Four tangled cells. They became valid in different ways: by untangling, where weight for low cells then held the
+/// descent, where Newton's method went to and fro between two meshes, and in small patches at the end of the run.
+class OfASecondRun : public ::testing::TestWithParam<Vertex> {};
+
+TEST_P(OfASecondRun, WhereOneVertexWasFarAway) {
+  const HighOrderMesh once = optimised(with_vertex_at(GetParam().x, GetParam().y)), again = optimised(once);
+  EXPECT_LT(testing::distance(once, again), 0.01 * 0.5);  // of a cell
+}
+
+INSTANTIATE_TEST_SUITE_P(Vertices, OfASecondRun,
+                         ::testing::Values(Vertex{"Near", 3, 0.5}, Vertex{"Below", 5, -3}, Vertex{"Far", 95, -3},
+                                           Vertex{"Farther", 105, -3}, Vertex{"VeryFar", 300, -3}),
+                         [](const auto& info) { return info.param.name; });
+
 /// The same mesh turned and moved far away, with its elements in the reverse order.
 HighOrderMesh elsewhere(const HighOrderMesh& mesh, double angle, double shift) {
   HighOrderMesh other = mesh;
