@@ -71,7 +71,7 @@ struct RunSummary {
   SubstituteTargets substitute_targets;
   /// For humans, one sentence or two each: which elements came clockwise, and why nothing was moved. Mostly empty.
   std::vector<std::string> notes;
-  WhatIsLeft left;              ///< The elements of `after` that are not certified valid, and what to try next.
+  WhatIsLeft left;                     ///< The elements of `after` that are not certified valid, and what to try next.
   std::int64_t made_valid_at_end = 0;  ///< Elements that small patches made valid when the iterations had ended.
   std::string device;           ///< The device on which steps of Newton's method were made; empty: the processor.
   std::string kept_as_it_came;  ///< Why a mesh that came in valid was left as it was; empty if it was not.

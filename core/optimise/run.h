@@ -154,7 +154,7 @@ class Run {
   std::optional<BestMesh> best_;
   std::optional<StageRun> stage_run_;
   std::optional<Descent> descent_;
-  int descents_ = 0;                     ///< Those before the present one.
+  int descents_ = 0;              ///< Those before the present one.
   bool begins_weighted_ = false;  ///< The present one began with more weight for low cells than another run would give.
   bool retries_ = false;          ///< The present one began without it, because the last one, with it, gained little.
   std::vector<double> before_descents_;  ///< With descents_ > 0, the coordinates of set_up_.mesh before the first.
