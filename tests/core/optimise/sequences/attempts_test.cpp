@@ -108,17 +108,17 @@ TEST(OtherWays, LeaveAnOptimiserAsItWas) {
   EXPECT_EQ(first->mesh.coordinates, second->mesh.coordinates);
 }
 
-TEST(OtherWays, AreOpenOnlyIfNoOptionNamesOne) {
-  EXPECT_TRUE(leaves_the_way_open({}));
+TEST(OtherWays, AreTriedOnlyIfNoOptionNamesOne) {
+  EXPECT_TRUE(may_try_other_ways({}));
   Options options;
   options.objective = Objective::Worst;
-  EXPECT_TRUE(leaves_the_way_open(options));
+  EXPECT_TRUE(may_try_other_ways(options));
   options.energy = Energy::Winslow;
-  EXPECT_FALSE(leaves_the_way_open(options));
-  EXPECT_FALSE(leaves_the_way_open(testing::for_energy()));
+  EXPECT_FALSE(may_try_other_ways(options));
+  EXPECT_FALSE(may_try_other_ways(testing::for_energy()));
   options = {};
   options.repair = Repair::Split;
-  EXPECT_FALSE(leaves_the_way_open(options));
+  EXPECT_FALSE(may_try_other_ways(options));
 }
 
 }  // namespace
