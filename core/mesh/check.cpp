@@ -143,10 +143,8 @@ Expected<void> check_plane(const HighOrderMesh& mesh, const Team& team) {
   return bad_input(
       "The mesh is a surface in space: it has no volume elements, and z ranges from " + std::to_string(low[2]) +
       " to " + std::to_string(high[2]) +
-      ". Its nodes cannot move along it without its geometry, which 'varimesh optimise --geometry MODEL' takes. "
-      "'varimesh "
-      "quality' judges it as it is, and names the "
-      "elements that are folded; to optimise, save the volume elements too.");
+      ". Its nodes cannot move along it without its CAD model; give the model as the geometry, or save the volume "
+      "elements too. Without either, only the quality of the mesh can be judged.");
 }
 
 // === Single cells ========================================================================================

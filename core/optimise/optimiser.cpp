@@ -78,7 +78,7 @@ void note_missed_bound(const SetUp& set_up, Result& result) {
                 is_spaced ? "the nodes in layers stay where layer_spacing has put them"
                 : result.stop_reason == StopReason::Converged ? "no mesh on the way reached it"
                                                               : "the run ended before",
-                is_spaced ? "keep the spacing of the layers" : "try --objective worst");
+                is_spaced ? "keep the spacing of the layers" : "try the objective worst");
   result.notes.emplace_back(text);
 }
 

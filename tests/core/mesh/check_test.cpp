@@ -107,7 +107,7 @@ TEST(CheckMesh, ANodeOfNoCellMayLieOutsideThePlane) {
 TEST(CheckMesh, SurfaceInSpace) {
   EXPECT_REFUSED(
       linear({0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0}, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}}),
-      "'varimesh quality' judges it");
+      "only the quality of the mesh can be judged");
 }
 
 TEST(CheckMesh, ASurfaceInSpaceMayBeJudged) {

@@ -91,7 +91,8 @@ TEST(OtherWays, SayIfTheNextOrderLeavesFewer) {
   ASSERT_EQ(result.left.uncertified, 1);
   EXPECT_EQ(result.mesh.order, 1);
   ASSERT_FALSE(result.left.remedies.empty());
-  EXPECT_EQ(result.left.remedies.front().flags, "--order 2");
+  EXPECT_EQ(result.left.remedies.front().kind, Remedy::Kind::RaiseOrder);
+  EXPECT_EQ(result.left.remedies.front().order, 2);
   EXPECT_EQ(result.left.remedies.front().elements, 1);
   Options options;
   options.order = 2;
