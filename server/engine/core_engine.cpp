@@ -307,7 +307,7 @@ void note_loose_parts(const CheckedMesh& of, int threads, const RunHooks& hooks)
 Expected<void> check_takes(const HighOrderMesh& mesh, const std::optional<GeometryOptions>& geometry) {
   if (!geometry || !is_surface(mesh) || lies_in_a_plane(mesh)) return {};
   if (geometry->order > 0)
-    return bad_input("The mesh is a surface in space, which is not curved; close the faces of the model to a body.");
+    return bad_input("The mesh is a surface in space, which is not curved. Close the faces of the model to a body.");
   return bad_input("The mesh is a surface in space; its nodes slide without a server, by the command itself.");
 }
 
