@@ -177,7 +177,7 @@ class Backup {
         if (fs::exists(from_ / "meshes" / (digest + ending), error)) fs::remove(owners, error);
       return {};
     }
-    if (const auto copied = copy_to_part(source); !copied) return copied;
+    if (auto copied = copy_to_part(source); !copied) return copied;
     fs::rename(part(), owners, error);
     if (error) return cannot("write to '" + to_.meshes() + "'", error.message());
     return {};
