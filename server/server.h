@@ -69,8 +69,8 @@ struct ServerOptions {
   int jobs_per_device = 1;                ///< That may have the same device at a time.
   std::string device_names = {};          ///< What these devices are called.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
-  SpanSink spans;              ///< Takes what the parts of the work took, for a trace. Empty: nobody wants it.
-  std::function<void()> lost;  ///< Called once if the server has not reached itself for `limits.watchdog`.
+  SpanSink spans;                         ///< Takes the spans of calls and jobs, for traces; may be empty.
+  std::function<void()> lost;             ///< Called once if the server has not reached itself for `limits.watchdog`.
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };
 

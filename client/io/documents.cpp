@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "client/cli/names.h"
+#include "client/cli/remedies.h"
 
 namespace varimesh::client {
 namespace {
@@ -94,10 +95,16 @@ Json substitutes_document(const v1::SubstituteTargets& targets) {
   return {{"count", targets.count()}, {"elements", std::move(elements)}, {"sentence", targets.sentence()}};
 }
 
+Json remedy_document(const v1::Remedy& remedy) {
+  return {{"kind", spelled(remedy.kind())},
+          {"flags", flags_of(remedy)},
+          {"elements", remedy.elements()},
+          {"sentence", sentence_of(remedy)}};
+}
+
 Json left_document(const v1::WhatIsLeft& left) {
   Json remedies = Json::array();
-  for (const v1::Remedy& remedy : left.remedies())
-    remedies.push_back({{"flags", remedy.flags()}, {"elements", remedy.elements()}, {"sentence", remedy.sentence()}});
+  for (const v1::Remedy& remedy : left.remedies()) remedies.push_back(remedy_document(remedy));
   return {{"uncertified", left.uncertified()},
           {"proved", left.proved()},
           {"unproved", left.unproved()},
@@ -107,8 +114,7 @@ Json left_document(const v1::WhatIsLeft& left) {
 
 Json left_document(const WhatIsLeft& left) {
   Json remedies = Json::array();
-  for (const Remedy& remedy : left.remedies)
-    remedies.push_back({{"flags", remedy.flags}, {"elements", remedy.elements}, {"sentence", remedy.sentence}});
+  for (const Remedy& remedy : left.remedies) remedies.push_back(remedy_document(to_proto(remedy)));
   return {{"uncertified", left.uncertified},
           {"proved", left.proved},
           {"unproved", left.unproved},

@@ -17,7 +17,7 @@
 #include "core/mesh/changes/displacements.h"
 #include "core/mesh/changes/merge_nodes.h"
 #include "core/mesh/check.h"
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 
 namespace varimesh::client {
 namespace {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/cli/names.h"
+#include "client/cli/remedies.h"
 #include "core/base/counted.h"
 #include "core/command_line/facts.h"
 #include "core/diagnosis/elements_text.h"
@@ -155,7 +156,7 @@ std::string figures(const v1::Metrics& metrics) {
 std::string way_out(const v1::WhatIsLeft& left) {
   if (left.uncertified() == 0) return "";
   std::string text = left.sentence() + "\n";
-  for (const v1::Remedy& remedy : left.remedies()) text += remedy.sentence() + "\n";
+  for (const v1::Remedy& remedy : left.remedies()) text += sentence_of(remedy) + "\n";
   return text;
 }
 
@@ -274,7 +275,7 @@ std::string layers_text(const v1::LayersReport& report) {
 std::string way_out(const WhatIsLeft& left) {
   if (left.uncertified == 0) return "";
   std::string text = left.sentence + "\n";
-  for (const Remedy& remedy : left.remedies) text += remedy.sentence + "\n";
+  for (const Remedy& remedy : left.remedies) text += sentence_of(to_proto(remedy)) + "\n";
   return text;
 }
 

@@ -92,9 +92,9 @@ std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& 
                         (association.held.size() == 1 ? "." : " among them."));
   std::ranges::sort(off);
   for (std::size_t i = 0; i < std::min(kShown, off.size()); ++i)
-    sentences.push_back("Node " + std::to_string(mesh.node_numbers[off[i].second]) + " is " +
-                        number_text(-off[i].first) + " from " +
-                        entity_text(association, association.nodes[off[i].second]) + "; --snap moves it there.");
+    sentences.push_back(
+        "Node " + std::to_string(mesh.node_numbers[off[i].second]) + " is " + number_text(-off[i].first) + " from " +
+        entity_text(association, association.nodes[off[i].second]) + "; the option snap moves it there.");
   if (off.size() > kShown)
     sentences.push_back("and " + counted(std::int64_t(off.size() - kShown), "more such node") + ".");
   return sentences;

@@ -7,7 +7,7 @@
 
 namespace varimesh {
 
-/// Scripts that complete the commands of a program, its flags and theirs, and the values of flags. Where a command
+/// Scripts that complete the commands of a program, all flags, and the values of flags. Where a command
 /// takes the names of jobs, they ask the program for them.
 std::string bash_completion(const ProgramFacts& program);
 std::string zsh_completion(const ProgramFacts& program);

@@ -33,7 +33,7 @@ void walk_edges(const MeshParts& parts, int order, const std::vector<std::int32_
                 const std::function<bool(const MeshFace&)>& through, const std::function<bool(std::int32_t)>& may_move,
                 const std::function<void(const EdgeStep&)>& arrive);
 
-/// Moves the nodes inside the faces of thin prisms and hexahedra as those of the opposite face have moved, from the
+/// Moves the nodes inside the faces of thin prisms and hexahedra as the nodes of the opposite face have moved, from the
 /// faces on surfaces inwards. Returns, by node of the mesh, whether it was moved so.
 /// @param on_surface by node: whether it lies on a surface element
 std::vector<bool> move_faces_of_layers(const HighOrderMesh& mesh, const std::vector<bool>& on_surface,

@@ -48,31 +48,32 @@ Sorted sort_by_remedy(const HighOrderMesh& mesh, const std::unordered_map<std::i
 }
 
 Remedy movement_remedy(std::int64_t count, const Tried& tried) {
-  if (!tried.movement) return {"", count, "Try varimesh optimise: moving nodes may repair " + count_text(count) + "."};
+  if (!tried.movement) return {Remedy::Kind::Optimise, count, "moving nodes may repair " + count_text(count) + "."};
   if (tried.cut_short)
-    return {"", count, "Give the run more time: moving nodes may still repair " + count_text(count) + "."};
-  return {"--until valid", count,
-          "Try --until valid: it untangles before it smooths, which may help " + count_text(count) + "."};
+    return {Remedy::Kind::MoreTime, count, "moving nodes may still repair " + count_text(count) + "."};
+  return {Remedy::Kind::UntilValid, count,
+          "the run then untangles before it smooths, which may help " + count_text(count) + "."};
 }
 
 /// Boundary nodes of a mesh of volume elements can slide. Whether they have is not known here.
 bool can_slide(const HighOrderMesh& mesh) { return mesh.dimension == 3; }
 
-Remedy slide_remedy(std::int64_t count) {
-  return {
-      "--slide-on boundary", count,
-      "Let boundary nodes slide, if they have not yet, on the CAD model (--geometry MODEL) or on the boundary as it "
-      "came (--slide-on boundary), which may help " +
-          count_text(count) + "."};
-}
-
 /// Raising the order, which has been seen to help.
 Remedy order_remedy(std::int64_t uncertified, const Tried& tried) {
   const std::int64_t left = *tried.left_at_next_order;
-  const std::string flags = "--order " + std::to_string(tried.next_order);
-  return {flags, uncertified - left,
-          "Run with " + flags + ": it has been tried, and " +
-              (left == 0 ? "every element becomes" : "all but " + count_text(left) + " become") + " valid."};
+  return {Remedy::Kind::RaiseOrder, uncertified - left,
+          std::string("it has been tried, and ") +
+              (left == 0 ? "every element becomes" : "all but " + count_text(left) + " become") + " valid.",
+          tried.next_order};
+}
+
+/// Another boundary, for these elements.
+Remedy boundary_remedy(const HighOrderMesh& mesh, const Numbers& numbers, const Tried& tried) {
+  const std::string elements = elements_text(numbers, "element", "elements");
+  return {Remedy::Kind::OtherBoundary, static_cast<std::int64_t>(numbers.size()),
+          can_slide(mesh)
+              ? "where sliding does not help " + elements + ", nothing else is known to."
+              : "nothing else is known to help " + elements + (tried.left_at_next_order ? " at this order." : ".")};
 }
 
 std::vector<Remedy> remedies_of(const HighOrderMesh& mesh, const Sorted& sorted, const Tried& tried) {
@@ -81,16 +82,12 @@ std::vector<Remedy> remedies_of(const HighOrderMesh& mesh, const Sorted& sorted,
     remedies.push_back(movement_remedy(count, tried));
   if (const auto count = static_cast<std::int64_t>(sorted.splittable.size()); count > 0)
     remedies.push_back(
-        {"--repair split", count,
-         "Try --repair split: it splits tetrahedra to make room, which may help " + count_text(count) + "."});
+        {Remedy::Kind::Split, count, "tetrahedra are split to make room, which may help " + count_text(count) + "."});
   if (const auto count = static_cast<std::int64_t>(sorted.boundary.size()); count > 0) {
-    if (can_slide(mesh)) remedies.push_back(slide_remedy(count));
-    remedies.push_back({"", count,
-                        "Mesh the boundary anew or refine it at " +
-                            elements_text(sorted.boundary, "element", "elements") + ": " +
-                            (can_slide(mesh)            ? "where sliding does not help, nothing else is known to."
-                             : tried.left_at_next_order ? "nothing else is known to help at this order."
-                                                        : "nothing else is known to help there.")});
+    if (can_slide(mesh))
+      remedies.push_back(
+          {Remedy::Kind::Slide, count, "if they have not slid yet, this may help " + count_text(count) + "."});
+    remedies.push_back(boundary_remedy(mesh, sorted.boundary, tried));
   }
   return remedies;
 }

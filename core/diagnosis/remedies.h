@@ -11,11 +11,23 @@
 
 namespace varimesh {
 
-/// Something to try about elements that are not certified valid.
+/// Something to try about elements that are not certified valid. It names no flag and no argument: the command, Python,
+/// the page and the contract each have a table of what to do for a kind, in their own words (docs/repair.md, "What to
+/// try next"). They say that and then the reason.
 struct Remedy {
-  std::string flags;          ///< Of `varimesh optimise`, for example "--repair split"; empty if no flag helps.
+  enum class Kind : std::uint8_t {
+    Optimise,       ///< Optimise the mesh, which was only judged.
+    MoreTime,       ///< Give the run more time or more iterations: a limit or the caller ended it.
+    UntilValid,     ///< Optimise with Until::Valid.
+    RaiseOrder,     ///< Optimise with Options::order = `order`.
+    Split,          ///< Optimise with Repair::Split.
+    Slide,          ///< Let boundary nodes slide, on a CAD model or on the boundary as it came.
+    OtherBoundary,  ///< Mesh the boundary anew, or refine it.
+  };
+  Kind kind = Kind::Optimise;
   std::int64_t elements = 0;  ///< How many elements it could help.
-  std::string sentence;       ///< For humans.
+  std::string reason;         ///< Why it could help, and which elements: a clause in lower case with a full stop.
+  int order = 0;              ///< With Kind::RaiseOrder; otherwise 0.
 };
 
 /// The elements that are not certified valid, in figures. An element of an unrepairable group that is certified counts

@@ -55,12 +55,26 @@ Expected<void> check_blocks(const HighOrderMesh& mesh, const Team& team) {
   return {};
 }
 
+/// New nodes and elements get the numbers above the largest one, so numbers stay far enough below 2^63.
+constexpr std::int64_t kLargestNumber = std::int64_t{1} << 62;
+
+Expected<void> check_numbers(const char* what, const std::vector<std::int64_t>& numbers, const Team& team) {
+  const auto is_beyond = [&](std::size_t i) { return numbers[i] > kLargestNumber || numbers[i] < -kLargestNumber; };
+  const std::size_t first = first_of(team, numbers.size(), kNodesPerTask, is_beyond);
+  if (first == numbers.size()) return {};
+  return bad_input(std::string(what) + " " + std::to_string(numbers[first]) +
+                   " has a number beyond 2^62, which leaves too few numbers for new ones; number the mesh anew.");
+}
+
 Expected<void> check_arrays(const HighOrderMesh& mesh, const Team& team) {
   if (mesh.coordinates.size() % 3 != 0)
     return bad_input("The mesh does not have three coordinates per node; give x, y and z for each.");
   if (mesh.node_numbers.size() != mesh.node_count())
     return bad_input("The mesh has " + std::to_string(mesh.node_count()) + " nodes and " +
                      std::to_string(mesh.node_numbers.size()) + " node numbers; give one number per node.");
+  if (auto done = check_numbers("Node", mesh.node_numbers, team); !done) return done;
+  for (const ElementBlock& block : mesh.blocks)
+    if (auto done = check_numbers("Element", block.numbers, team); !done) return done;
   return check_blocks(mesh, team);
 }
 
@@ -129,10 +143,8 @@ Expected<void> check_plane(const HighOrderMesh& mesh, const Team& team) {
   return bad_input(
       "The mesh is a surface in space: it has no volume elements, and z ranges from " + std::to_string(low[2]) +
       " to " + std::to_string(high[2]) +
-      ". Its nodes cannot move along it without its geometry, which 'varimesh optimise --geometry MODEL' takes. "
-      "'varimesh "
-      "quality' judges it as it is, and names the "
-      "elements that are folded; to optimise, save the volume elements too.");
+      ". Its nodes cannot move along it without its CAD model; give the model as the geometry, or save the volume "
+      "elements too. Without either, only the quality of the mesh can be judged.");
 }
 
 // === Single cells ========================================================================================

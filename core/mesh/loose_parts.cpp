@@ -254,8 +254,7 @@ std::vector<std::string> loose_boundary(const HighOrderMesh& mesh, const Facets&
                         (pairs.size() == 1 ? " node of the boundary lies" : " nodes of the boundary lie") +
                         " where another node lies, for example node " + number_of(mesh, pairs[0].first) + " on node " +
                         number_of(mesh, pairs[0].second) +
-                        ": the cells there do not hang together. If they should, 'varimesh convert IN OUT "
-                        "--merge-nodes TOLERANCE' joins such nodes.");
+                        ": the cells there do not hang together. If they should, merge_nodes joins such nodes.");
   if (const auto found = hanging_nodes(mesh, sides, extent, tolerance); !found.empty())
     sentences.push_back(std::to_string(found.size()) +
                         (found.size() == 1 ? " vertex of the boundary lies" : " vertices of the boundary lie") +

@@ -2,6 +2,7 @@
 // and the solver alike. What lies on the other side of a facet is in connectivity.h.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -34,20 +35,28 @@ struct TopologyCells {
   std::function<void(std::size_t begin, std::size_t end, const Body& body)> visit;
 };
 
+/// Calls body(cell, shape, vertices) for cells from begin to end − 1. vertices_of(shape, nodes) returns the vertices of
+/// a cell from its nodes, in an array of eight.
+template <class VerticesOf, class Body>
+void for_cells_with_vertices(const Cells& cells, std::size_t begin, std::size_t end, const VerticesOf& vertices_of,
+                             const Body& body) {
+  for (std::size_t cell = begin; cell < end;) {
+    const Cells::Range& range = cells.range_of(cell);
+    const Shape shape = range.block->shape;
+    const std::size_t stop = std::min(end, range.first + range.block->size());
+    for (; cell < stop; ++cell) {
+      const std::span nodes(range.block->nodes.data() + (cell - range.first) * range.stride, range.stride);
+      const std::array<std::int32_t, 8> vertices = vertices_of(shape, nodes);
+      body(cell, shape, std::span(vertices.data(), std::size_t(reference::info(shape).vertices)));
+    }
+  }
+}
+
 /// The cells of a mesh. vertices_of(shape, nodes) returns the vertices of a cell from its nodes. Refers to both.
 template <class VerticesOf>
 TopologyCells topology_cells(const Cells& cells, const VerticesOf& vertices_of) {
   return {cells.count(), [&](std::size_t begin, std::size_t end, const TopologyCells::Body& body) {
-            for (std::size_t cell = begin; cell < end;) {
-              const Cells::Range& range = cells.range_of(cell);
-              const Shape shape = range.block->shape;
-              const std::size_t stop = std::min(end, range.first + range.block->size());
-              for (; cell < stop; ++cell) {
-                const std::span nodes(range.block->nodes.data() + (cell - range.first) * range.stride, range.stride);
-                const std::array<std::int32_t, 8> vertices = vertices_of(shape, nodes);
-                body(cell, shape, {vertices.data(), std::size_t(reference::info(shape).vertices)});
-              }
-            }
+            for_cells_with_vertices(cells, begin, end, vertices_of, body);
           }};
 }
 

@@ -78,7 +78,7 @@ void note_missed_bound(const SetUp& set_up, Result& result) {
                 is_spaced ? "the nodes in layers stay where layer_spacing has put them"
                 : result.stop_reason == StopReason::Converged ? "no mesh on the way reached it"
                                                               : "the run ended before",
-                is_spaced ? "keep the spacing of the layers" : "try --objective worst");
+                is_spaced ? "keep the spacing of the layers" : "try the objective worst");
   result.notes.emplace_back(text);
 }
 
@@ -234,7 +234,7 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
     Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(again), set_up_->options);
     if (!prepared) return tl::unexpected(prepared.error());
     (*prepared)->given_objective = set_up_->given_objective;
-    (*prepared)->leaves_the_way_open = set_up_->leaves_the_way_open;
+    (*prepared)->may_try_other_ways = set_up_->may_try_other_ways;
     (*prepared)->clockwise = std::move(set_up_->clockwise);  // the cells of this copy were turned already
     set_up_ = std::move(*prepared);
     StopToken stop(control.stop_asked);

@@ -88,9 +88,9 @@ struct Result : RunSummary {
   /// target is the straight-sided shape, the smallest and the mean scaled Jacobian of `after` are not both lower than
   /// those of `before`: the mesh would be as it came. With Objective::Accuracy it is the best mesh of the descent
   /// (core/solvers/descent/descent.h) in place of that: if all cells of the input mesh are certified valid, its loss of
-  /// accuracy is not above theirs. With Repair::Split the mesh may have more elements and nodes, numbered above those
-  /// of the input. If the input is at its optimum already or has no free node, it comes back bit for bit. Cells that
-  /// came clockwise are clockwise here too, unless Options::orient is set.
+  /// accuracy is not above that of the input. With Repair::Split the mesh may have more elements and nodes, numbered
+  /// above those of the input. If the input is at its optimum already or has no free node, it comes back bit for bit.
+  /// Cells that came clockwise are clockwise here too, unless Options::orient is set.
   HighOrderMesh mesh;
 };
 

@@ -138,10 +138,9 @@ void Run::prove() {
 
 std::string Run::why_unmoved() {
   const HighOrderMesh& mesh = set_up_.mesh;
-  const std::string curve = mesh.dimension == 3 ? "; 'varimesh curve IN --geometry MODEL --order N' curves a mesh" : "";
   if (set_up_.summary.free_nodes == 0)
-    return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. 'varimesh "
-           "optimise --order' gives elements inner nodes, and '--free' frees interfaces.";
+    return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. A higher order "
+           "gives elements inner nodes, and the option free frees interfaces.";
   if (has_no_free_node()) return "All nodes lie on surfaces parallel to a wall already, so nothing was moved.";
   if (result_.iterations == 0 && result_.stop_reason == StopReason::Valid)
     return "Every element is certified valid already, so nothing was moved.";
@@ -152,8 +151,9 @@ std::string Run::why_unmoved() {
   bool straight = options_.target == Target::StraightSided;
   team_.run([&] { straight = straight && has_straight_sides(mesh, team_.without_stop()); });
   if (straight)
-    return "All elements have straight sides already, so nothing was moved" + curve +
-           "; 'varimesh optimise --target ideal' makes their shapes more regular.";
+    return std::string("All elements have straight sides already, so nothing was moved. ") +
+           (mesh.dimension == 3 ? "To curve them, curve the mesh on its CAD model. " : "") +
+           "The target ideal makes their shapes more regular.";
   if (is_for_accuracy() && result_.iterations == 0)
     return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
   if (is_for_accuracy())
@@ -257,7 +257,7 @@ void Run::keep_the_better() {
   std::string why = "its smallest and its mean scaled Jacobian are " + pair_text(before) + ", and " +
                     (is_optimum ? "at the energy's optimum" : "where the run ended") + " they would be " +
                     pair_text(result_.after) + ".";
-  if (options_.objective != Objective::Worst) why += " To raise the smallest, try --objective worst.";
+  if (options_.objective != Objective::Worst) why += " To raise the smallest, try the objective worst.";
   keep_as_it_came(why);
 }
 

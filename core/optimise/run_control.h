@@ -59,16 +59,16 @@ struct RunControl {
   /// says yes, so it must be quick: the load of an atomic flag. What is under way is given up, and the run ends as it
   /// does at Options::time_limit (optimiser.h).
   std::function<bool()> stop_asked;
-  /// Counts the work inside iterations and between them. It must outlive the run; null: nobody wants to know.
+  /// Counts the work inside iterations and between them. It must outlive the run. It may be null.
   WorkMeter* meter = nullptr;
-  /// Makes the device if Options::device asks for one; a fault says why there is none. Empty: the first card of this
-  /// machine.
+  /// Opens the device if Options::device asks for one; a fault says why there is none. If the function is empty, the
+  /// run opens the first card of this machine.
   std::function<device::Possible<std::unique_ptr<device::Device>>()> open_device;
-  /// The device of the run; null: it has none. Set by optimise().
+  /// The device that the run uses, or null if it uses none. Set by optimise().
   device::RunDevice* device = nullptr;
   /// The run is a part of another, which has chosen `device` and says so in its result. Set by optimise().
   bool has_chosen_device = false;
-  /// Told what the run does, to say how long it will still take; null: nobody wants to know. Set by optimise().
+  /// Is told what the run does, and estimates how long the run will still take. It may be null. Set by optimise().
   Forecast* forecast = nullptr;
   /// Asked for the Hessians of untangling if they need more than memory_needed() counts on. Without it the result is
   /// the same, but untangling of large patches takes up to fourteen times as long.

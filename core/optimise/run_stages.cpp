@@ -165,7 +165,7 @@ void Run::forecast(const Iteration& last) {
 
 Forecast::State Run::state_for_forecast() const {
   Forecast::State state{.now = stage_run_->last().seconds, .is_valid = guard_->uncertified() == 0};
-  if (state.is_valid || !set_up_.leaves_the_way_open) return state;
+  if (state.is_valid || !set_up_.may_try_other_ways) return state;
   const std::vector<Certificate>& certificates = guard_->latest_certificates();
   const std::vector<char> hopeless = cells_beyond_repair(result_.unrepairable, certificates.size());
   for (std::size_t cell = 0; cell < certificates.size() && !state.hopes; ++cell)

@@ -10,7 +10,6 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/mesh/changes/change_order.h"
 #include "core/mesh/connectivity.h"
-#include "core/optimise/sequences/attempts.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/substitute_shapes.h"
@@ -128,7 +127,7 @@ Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& of, const Options& given, 
   auto result = std::make_unique<SetUp>();
   result->options = options;
   result->given_objective = given.objective;
-  result->leaves_the_way_open = leaves_the_way_open(given);
+  result->may_try_other_ways = may_try_other_ways(given);
   result->clockwise = std::move(clockwise);
   result->fixed = *fixed;
   result->target = std::move(*target);
@@ -146,6 +145,15 @@ Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& of, const Options& given, 
   });
   result->seconds = watch.seconds();
   return result;
+}
+
+bool may_try_other_ways(const Options& options) {
+  Options without_objective = options;
+  without_objective.objective = Objective::Auto;
+  without_objective.min_js = Options().min_js;
+  constexpr int kCurved = 2;
+  return options.objective != Objective::Energy && objective_of(without_objective, kCurved) == Objective::Accuracy &&
+         options.method == Method::Auto && !splits(options.repair) && options.max_iterations > 0;
 }
 
 SubstituteTargets choose_targets(SetUp& set_up, const Certifier& certifier, const Frame& frame, const Team& team) {

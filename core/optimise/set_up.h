@@ -39,7 +39,7 @@ struct SetUp {
   ColouredNodes coloured;
   std::vector<Stage> stages;
   Objective given_objective = Objective::Auto;  ///< That of the options that were given.
-  bool leaves_the_way_open = false;             ///< What leaves_the_way_open() says about the options that were given.
+  bool may_try_other_ways = false;              ///< may_try_other_ways() of the options that were given.
   bool is_spent = false;                        ///< Its tables were freed for attempts (attempts.h).
   double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
 };
@@ -51,6 +51,10 @@ Expected<std::unique_ptr<SetUp>> set_up(CheckedMesh&& mesh, const Options& optio
 
 /// The same for a mesh that is not checked yet.
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
+
+/// Whether the options leave to the run how it makes the mesh valid: they name neither an energy with Objective::Auto
+/// nor Objective::Energy, a method, another target than the straight-sided shape, or a repair that changes elements.
+bool may_try_other_ways(const Options& options);
 
 /// Sets the targets of the problem, whose positions are those of the mesh in this frame. Returns the cells that do not
 /// take their own straight-sided shape. Call it outside team.run().

@@ -36,7 +36,7 @@ struct StageContext {
   const Team& team;
   const HighOrderMesh& mesh;
   Untangler::Depth untangling_depth = {};  ///< Layers of cells in the patches of untangling.
-  WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; null: nobody wants to know.
+  WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; may be null.
   SpareMemory spare_memory = {};           ///< For the Hessians of untangling.
   device::RunDevice* device = nullptr;     ///< For Newton's method; may be null, or without a device.
 };

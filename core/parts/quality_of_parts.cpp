@@ -84,8 +84,7 @@ class Judge {
     box_ = whole_box(box, ranks_);
     if (part_.mesh.dimension == 2 && !lies_flat(box_))
       return bad_input("'" + task_.path +
-                       "': The mesh is a surface in space, which varimesh-mpi does not judge; 'varimesh quality' does, "
-                       "in one process.");
+                       "': The mesh is a surface in space, which several processes cannot judge; judge it in one.");
     return {};
   }
 

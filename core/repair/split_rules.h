@@ -53,7 +53,7 @@ class SplitRules {
   const Cells& cells_;
   const std::vector<bool>& fixed_;
   std::set<SplitPlace> faces_;                             // those on the boundary or with an element
-  std::set<std::pair<std::int32_t, std::int32_t>> edges_;  // theirs, and those with an element
+  std::set<std::pair<std::int32_t, std::int32_t>> edges_;  // edges of these faces, and edges with an element
   detail::CellsAtVertices at_vertices_;
   double sign_;
   std::map<Shape, NodeWeights> weights_;

@@ -57,7 +57,7 @@ class EntityForm {
   std::vector<EntityNode> take_nodes() { return std::move(nodes_); }
 
   /// Sets the normals and the first derivatives where the nodes are. Until the next call the energy has these normals.
-  /// At a pole the normal is the sum of those of the nodes around.
+  /// At a pole the normal is the sum of the normals of the nodes around.
   void take_normals();
   bool is_at_pole(std::size_t node) const { return at_pole_[node]; }
   /// An orthonormal basis of the tangents at a node that is at no pole.
@@ -68,7 +68,7 @@ class EntityForm {
   /// The node after it has moved along the entity, about by a tangent vector: by (SᵀS)⁻¹ Sᵀ times the vector in the
   /// parameters, with S the first derivatives.
   EntityNode moved(const EntityNode& node, std::size_t place, const Eigen::Vector3d& by) const;
-  /// The parameters of the nearest point near those of a guess.
+  /// The parameters of the nearest point, near the parameters `guess`.
   std::array<double, 2> closest(const Eigen::Vector3d& x, const std::array<double, 2>& guess) const;
   /// The node at the nearest point to `x`, near where it is.
   EntityNode put(const EntityNode& node, const Eigen::Vector3d& x) const;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "core/kernels/regularisation.h"
+#include "core/solvers/dense_vectors.h"
 #include "core/solvers/newton_method.h"
 
 namespace varimesh::detail {
@@ -21,7 +22,7 @@ constexpr double kShift = 1e-8;
 constexpr std::size_t kBatchBytes = std::size_t{1} << 21, kMostInBatch = 256;
 
 template <int d>
-class EntityNewton final : private Minimised {
+class EntityNewton final : private DenseVectors {
  public:
   EntityNewton(EntityForm<d> form, const Team& team) : form_(std::move(form)), team_(team) {}
 
@@ -125,8 +126,7 @@ class EntityNewton final : private Minimised {
     factors_.factorize(hessian_);
     has_factors_ = factors_.info() == Eigen::Success;
     if (!has_factors_) slope_.setZero();
-    residual_ = -slope_;
-    step_.setZero(unknowns_);
+    start(slope_);
     start_ = form_.nodes();
     return value_.energy;
   }
@@ -139,19 +139,7 @@ class EntityNewton final : private Minimised {
     product_ = hessian_.template selfadjointView<Eigen::Lower>() * direction_;
     return direction_.dot(product_);
   }
-  void advance(double alpha) override {
-    step_ += alpha * direction_;
-    residual_ -= alpha * product_;
-  }
-  void turn(double beta) override {
-    if (beta == 0)
-      direction_ = product_;
-    else
-      direction_ = product_ + beta * direction_;
-  }
-  void take_direction() override { step_ = direction_; }
   double gradient_norm() override { return slope_.norm(); }
-  double preconditioned_norm(double rq) const override { return std::sqrt(std::max(0.0, rq)); }
   double largest_step() override {
     double largest = 0;
     for (std::size_t i = 0; i < first_.size(); ++i)
@@ -272,8 +260,7 @@ class EntityNewton final : private Minimised {
   Eigen::SparseMatrix<double> hessian_;                ///< Its lower triangle.
   std::vector<std::array<std::ptrdiff_t, d>> slots_;   ///< By pair of for_blocks() and column of its block.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factors_;
-  bool has_factors_ = true;  ///< The last Hessian could be factorised.
-  Eigen::VectorXd step_, residual_, direction_, product_;
+  bool has_factors_ = true;            ///< The last Hessian could be factorised.
   std::vector<Eigen::Vector3d> wish_;  ///< By node: the displacement of the whole step.
   std::vector<EntityNode> start_;      ///< Where the step found the nodes.
   double delta_ = 0;

@@ -39,10 +39,10 @@ class BernsteinSpace {
   int size() const { return static_cast<int>(exponents_.size()); }
   /// Number of the monomial with these exponents, which must add up to the degree of each factor.
   int index(const Exponents& exponents) const;
-  /// The exponents of each monomial, read as the digits of one number. If a monomial is a product of two, of spaces
-  /// with the same factors but for their degrees, its number is the sum of theirs.
+  /// The exponents of each monomial, read as the digits of one number. The number of a product of two
+  /// monomials, whose spaces differ only in the degrees of their factors, is the sum of the two numbers.
   std::vector<std::size_t> digits() const;
-  /// Number of the monomial whose exponents have these digits; −1: there is none.
+  /// Number of the monomial whose exponents have these digits; −1 if there is none.
   int index_of_digits(std::size_t digits) const { return digits < lookup_.size() ? lookup_[digits] : -1; }
   /// Product over the factors of degree! / Π γ_k!.
   long double multinomial(int index) const;

@@ -99,8 +99,7 @@ Expected<Result> judge(CheckedMesh of, const v1::QualityTask& task, const Option
       result.unrepairable = with_any_of(diagnose(mesh, team), uncertified_numbers(result.after));
   } catch (const Interrupted&) {
     if (stop.reason() == StopToken::Reason::TimeLimit)
-      return bad_input(
-          "The time limit passed while the mesh was judged; allow more seconds, or take a coarser lattice.");
+      return bad_input("The time limit passed while the mesh was judged; allow more time, or take a coarser lattice.");
     result.stopped = true;
   }
   result.mesh = std::move(of.mesh);
@@ -112,14 +111,12 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
   const int order = request.options.order;
   if (request.quality || mesh.order != 1 || order <= 1 || !hooks.on_note) return;
   const std::string raised = std::to_string(order);
-  // Only a mesh of volume elements can be curved by its model.
-  const std::string curve =
-      mesh.dimension == 3 ? "use 'varimesh curve IN --geometry MODEL --order " + raised + "', " : "";
   hooks.on_note(
       "The mesh has order 1. Raised to order " + raised +
       ", its boundary is still straight, because new nodes are put on the straight edges and faces. To curve it, " +
-      curve + "let the mesh generator raise the order on the geometry (for example: gmsh GEOMETRY -3 -order " + raised +
-      "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
+      (mesh.dimension == 3 ? "curve the mesh on its CAD model, " : "") +
+      "let the mesh generator raise the order on the geometry (for example: gmsh GEOMETRY -3 -order " + raised +
+      "), or move the boundary nodes of a mesh of order " + raised + " before it is optimised.");
 }
 
 /// Has the writers give elements that came at a lower order than others their own order again.
@@ -306,6 +303,14 @@ void note_loose_parts(const CheckedMesh& of, int threads, const RunHooks& hooks)
   for (const std::string& sentence : sentences) hooks.on_note(sentence);
 }
 
+/// Refuses a surface in space: its nodes slide without a job, and it is not curved. Errors: BadInput.
+Expected<void> check_takes(const HighOrderMesh& mesh, const std::optional<GeometryOptions>& geometry) {
+  if (!geometry || !is_surface(mesh) || lies_in_a_plane(mesh)) return {};
+  if (geometry->order > 0)
+    return bad_input("The mesh is a surface in space, which is not curved. Close the faces of the model to a body.");
+  return bad_input("The mesh is a surface in space; its nodes slide without a server, by the command itself.");
+}
+
 /// The bytes that a run has in use at most. Errors: BadOption, BadInput if it cannot have its layers.
 /// @param order  of the result; 0: that of the mesh
 Expected<std::int64_t> memory_of_run(const CheckedMesh& checked, const RunRequest& request,
@@ -336,12 +341,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
-  if (*geometry && is_surface((*file)->mesh) && !lies_in_a_plane((*file)->mesh))
-    return bad_input((*geometry)->order > 0
-                         ? "The mesh is a surface in space, and only meshes of bodies and of planes are curved. Close "
-                           "the faces of the model to a body, and export it again."
-                         : "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise "
-                           "--geometry' without --server.");
+  if (const auto takes = check_takes((*file)->mesh, *geometry); !takes) return tl::unexpected(takes.error());
   auto checked = check_mesh(std::move((*file)->mesh), request.quality ? CheckFor::Judging : CheckFor::Optimising,
                             Team(request.options.threads));
   if (!checked) return tl::unexpected(checked.error());

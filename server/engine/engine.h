@@ -54,7 +54,7 @@ struct RunOutcome {
   std::string lost;
 };
 
-/// Jobs have no graphics card, unless the caller opens one or a process of theirs has one (server/isolation).
+/// Jobs have no graphics card, unless the caller opens one or the process of a job has one (server/isolation).
 inline RunControl without_a_card() {
   RunControl control;
   control.open_device = [] {

@@ -27,6 +27,10 @@ static_assert(same(v1::LINEAR_SOLVE_NONE, LinearSolve::None) && same(v1::LINEAR_
               same(v1::LINEAR_SOLVE_MOST_PRODUCTS, LinearSolve::MostProducts));
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
               same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
+static_assert(same(v1::Remedy::KIND_OPTIMISE, Remedy::Kind::Optimise) &&
+              same(v1::Remedy::KIND_UNTIL_VALID, Remedy::Kind::UntilValid) &&
+              same(v1::Remedy::KIND_SPLIT, Remedy::Kind::Split) &&
+              same(v1::Remedy::KIND_OTHER_BOUNDARY, Remedy::Kind::OtherBoundary));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
               same(v1::PHASE_UNTANGLE, Phase::Untangle) && same(v1::PHASE_ACCURACY, Phase::Accuracy));
 static_assert(same(v1::Work::ACTIVITY_ASSEMBLY, Activity::Assembly) &&
@@ -169,6 +173,34 @@ v1::UnrepairableGroup to_proto(const UnrepairableGroup& group) {
   return message;
 }
 
+namespace {
+
+/// What to do for a remedy, in the words of the contract.
+std::string what_to_do(const Remedy& remedy) {
+  switch (remedy.kind) {
+    case Remedy::Kind::Optimise:
+      return "Submit a job";
+    case Remedy::Kind::MoreTime:
+      return "Give the run more time";
+    case Remedy::Kind::UntilValid:
+      return "Set options.until to UNTIL_VALID";
+    case Remedy::Kind::RaiseOrder:
+      return "Set options.order to " + std::to_string(remedy.order);
+    case Remedy::Kind::Split:
+      return "Set options.repair to REPAIR_SPLIT";
+    case Remedy::Kind::Slide:
+      return "Let boundary nodes slide on a CAD model (geometry.digest) or on the boundary as it came "
+             "(geometry.slide_on "
+             "= SLIDE_ON_BOUNDARY)";
+    case Remedy::Kind::OtherBoundary:
+      return "Mesh the boundary anew or refine it";
+  }
+  assert(false);
+  return "";
+}
+
+}  // namespace
+
 v1::WhatIsLeft to_proto(const WhatIsLeft& left) {
   v1::WhatIsLeft message;
   message.set_uncertified(left.uncertified);
@@ -176,9 +208,11 @@ v1::WhatIsLeft to_proto(const WhatIsLeft& left) {
   message.set_unproved(left.unproved);
   for (const Remedy& remedy : left.remedies) {
     v1::Remedy& added = *message.add_remedies();
-    added.set_flags(remedy.flags);
+    added.set_kind(give<v1::Remedy::Kind>(remedy.kind));
     added.set_elements(remedy.elements);
-    added.set_sentence(as_plain_text(remedy.sentence));
+    added.set_order(remedy.order);
+    added.set_reason(as_plain_text(remedy.reason));
+    added.set_sentence(as_plain_text(what_to_do(remedy) + ": " + remedy.reason));
   }
   message.set_sentence(as_plain_text(left.sentence));
   return message;

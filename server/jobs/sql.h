@@ -65,7 +65,7 @@ struct SqlDialect {
   const char* lock_claims = "SELECT 1";  ///< Lets only one transaction at a time claim a job.
   const char* now = "0";                 ///< The time of the database, in nanoseconds since 1970.
   const char* started = "";              ///< Selects when the database was started, in nanoseconds since 1970.
-  const char* referenced = "";  ///< Selects those of the digests $1, each with a comma behind it, that jobs refer to.
+  const char* referenced = "";  ///< Of the digests $1, each with a comma behind it, selects those that jobs refer to.
 };
 
 /// A connection to a database. One thread at a time.

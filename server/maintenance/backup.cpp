@@ -124,6 +124,20 @@ class Backup {
     return needed;
   }
 
+  /// The file in the backup that a copy goes to before it is whole.
+  fs::path part() const { return fs::path(to_.meshes()) / "part-backup"; }
+
+  /// Copies an open file to part(), and closes it.
+  Expected<void> copy_to_part(int source) {
+    const int target = ::open(part().c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+    const bool copied = target >= 0 && copy_bytes(source, target);
+    const int reason = errno;
+    if (target >= 0) ::close(target);
+    ::close(source);
+    if (!copied) return cannot("write to '" + to_.meshes() + "'", std::strerror(reason));
+    return {};
+  }
+
   /// Whether the backup has the file now. False if it is not in the state directory.
   Expected<bool> copy_file(const std::string& digest) {
     if (whole_.contains(digest)) return true;
@@ -136,16 +150,10 @@ class Backup {
     for (const auto& [ending, form] : {std::pair{"", Form::Plain}, {".zst", Form::Zstd}, {"", Form::Plain}}) {
       const int source = ::open((from_ / "meshes" / (digest + ending)).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
       if (source < 0) continue;
-      const fs::path part = fs::path(to_.meshes()) / "part-backup";
-      const int target = ::open(part.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-      const bool copied = target >= 0 && copy_bytes(source, target);
-      const int reason = errno;
-      if (target >= 0) ::close(target);
-      ::close(source);
-      if (!copied) return cannot("write to '" + to_.meshes() + "'", std::strerror(reason));
-      if (!is_whole(part, form, digest)) continue;
+      if (const auto copied = copy_to_part(source); !copied) return tl::unexpected(copied.error());
+      if (!is_whole(part(), form, digest)) continue;
       std::error_code error;
-      fs::rename(part, fs::path(to_.meshes()) / (digest + ending), error);
+      fs::rename(part(), fs::path(to_.meshes()) / (digest + ending), error);
       if (error) return cannot("write to '" + to_.meshes() + "'", error.message());
       // A damaged file that it replaces may have had the other form.
       fs::remove(fs::path(to_.meshes()) / (digest + (form == Form::Plain ? ".zst" : "")), error);
@@ -159,7 +167,7 @@ class Backup {
   /// Copies the file that says whose a mesh is. If there is none any more, that of an earlier backup is deleted.
   Expected<void> copy_owners(const std::string& digest) {
     const std::string name = digest + ".owners";
-    const fs::path part = fs::path(to_.meshes()) / "part-backup", owners = fs::path(to_.meshes()) / name;
+    const fs::path owners = fs::path(to_.meshes()) / name;
     std::error_code error;
     const int source = ::open((from_ / "meshes" / name).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     if (source < 0) {
@@ -169,13 +177,8 @@ class Backup {
         if (fs::exists(from_ / "meshes" / (digest + ending), error)) fs::remove(owners, error);
       return {};
     }
-    const int target = ::open(part.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-    const bool copied = target >= 0 && copy_bytes(source, target);
-    const int reason = errno;
-    if (target >= 0) ::close(target);
-    ::close(source);
-    if (!copied) return cannot("write to '" + to_.meshes() + "'", std::strerror(reason));
-    fs::rename(part, owners, error);
+    if (auto copied = copy_to_part(source); !copied) return copied;
+    fs::rename(part(), owners, error);
     if (error) return cannot("write to '" + to_.meshes() + "'", error.message());
     return {};
   }
@@ -183,7 +186,7 @@ class Backup {
   /// Leaves the earlier backup as it is.
   Expected<void> give_up() {
     std::error_code ignored;
-    fs::remove(fs::path(to_.meshes()) / "part-backup", ignored);
+    fs::remove(part(), ignored);
     for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(new_database() + ending, ignored);
     return {};
   }
@@ -194,7 +197,7 @@ class Backup {
     std::error_code error;
     for (const std::string& digest : needed.files)
       if (const auto copied = copy_owners(digest); !copied) return tl::unexpected(copied.error());
-    fs::remove(fs::path(to_.meshes()) / "part-backup", error);
+    fs::remove(part(), error);
     if (!sync_directory(to_.meshes())) return cannot("write to '" + to_.meshes() + "'", std::strerror(errno));
     for (const char* ending : {"-wal", "-shm"}) fs::remove(to_.jobs() + ending, error);
     fs::rename(new_database(), to_.jobs(), error);

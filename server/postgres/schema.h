@@ -16,7 +16,7 @@ int postgres_version(PostgresConnection& connection);
 /// same time. INTERNAL if a newer version made the tables.
 Answer<int> migrate_postgres(PostgresConnection& connection);
 
-/// A database whose tables are newer than this program. `version`: theirs.
+/// The tables of a database have this version, which is newer than this program.
 Refusal postgres_too_new(int version);
 
 }  // namespace varimesh::server

@@ -13,7 +13,7 @@
 
 namespace varimesh::server {
 
-/// Lends devices to jobs. A job gets the device that the fewest jobs have. Those that wait get theirs in the order in
+/// Lends devices to jobs. A job gets the device that the fewest jobs have. Jobs that wait get devices in the order in
 /// which they have asked, and nobody passes them. Thread-safe.
 class DeviceBudget {
  public:

@@ -40,7 +40,7 @@ class MemoryBudget {
   /// Waits until the job can have `bytes` in place of what it has, and takes them. It keeps what it has while it waits,
   /// and also if it gives up: `given_up` is called ten times per second, and exchange() returns false if that returns
   /// true first. Once all jobs that have memory wait for more, none of them could ever go on: then the first gets what
-  /// it needs although the others keep theirs.
+  /// it needs, although the others keep what they have.
   bool exchange(Share& share, std::int64_t bytes, const std::function<bool()>& given_up);
   /// Adds as much of this as is free to the share, at once, and returns how much that is. None if a job waits for
   /// memory.

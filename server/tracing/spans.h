@@ -30,7 +30,7 @@ struct Span {
   std::string error = {};  ///< Empty: it has succeeded.
 };
 
-/// Takes spans, from any thread, without waiting. Empty: nobody wants them.
+/// Takes spans, from any thread, without waiting. It is empty if the server sends no traces.
 using SpanSink = std::function<void(Span)>;
 
 /// A span that has begun. It ends with end(), or when it is destroyed. If nobody wants it, or its trace is not sampled,

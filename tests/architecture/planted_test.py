@@ -1,5 +1,5 @@
 """The checks find planted faults: an upward arrow, a circle, a file without a room, a forbidden house, a second order of
-meshes."""
+meshes, a flag in the core."""
 import pathlib
 import shutil
 import subprocess
@@ -125,6 +125,19 @@ class Planted(unittest.TestCase):
                 before = file.read_text()
                 plant(self.tree, "core/slide/slide.cpp", code)
                 self.expect("core/slide/slide.cpp:", "check_sums")
+                file.write_text(before)
+
+    def test_the_core_knows_no_flags(self):
+        status, output = self.check("check_words")
+        self.assertEqual(status, 0, output)
+
+    def test_a_flag_in_the_core_is_found(self):
+        for text in ('"try --objective worst"', '"; \'varimesh curve IN\' curves a mesh."', 'R"(--order N)"'):
+            with self.subTest(text):
+                file = self.tree / "core/slide/slide.cpp"
+                before = file.read_text()
+                plant(self.tree, "core/slide/slide.cpp", f"const char* kText = {text};")
+                self.expect("core/slide/slide.cpp:1 has words of the command", "check_words")
                 file.write_text(before)
 
     def test_a_sum_of_one_cell_is_none_over_a_mesh(self):

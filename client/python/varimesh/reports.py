@@ -11,7 +11,7 @@ from . import wire
 from .errors import BadOption
 from .names import counted, spelled
 from .numbering import OF_FILES, Numbering
-from .options import GeometryReport, LayersReport, geometry_report_of, layers_report_of
+from .options import Geometry, GeometryReport, LayersReport, geometry_report_of, layers_report_of
 from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
 
 @dataclass(frozen=True)
@@ -98,7 +98,8 @@ class RepairStep:
 class Remedy:
     """Something to try about elements that are not certified valid."""
 
-    flags: str  # of the command `varimesh optimise`; empty if no flag helps
+    kind: str  # optimise, more-time, until-valid, raise-order, split, slide or other-boundary
+    arguments: dict[str, Any]  # of optimise(), which do it; empty if no argument does
     elements: int  # how many it could help
     sentence: str
 
@@ -243,8 +244,31 @@ def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,
                        invalid=answers == mesh_pb2.CELL_ANSWER_INVALID, unrepairable=unrepairable)  # fmt: skip
 
 
+def remedy_of(message: quality_pb2.Remedy, numbering: Numbering) -> Remedy:
+    """A remedy in the words of this package. An older server names no kind, and its sentence stays."""
+    arguments: dict[str, dict[str, Any]] = {
+        "until-valid": {"until": "valid"},
+        "raise-order": {"order": message.order},
+        "split": {"repair": "split"},
+        "slide": {"geometry": Geometry(slide_on="boundary")},
+    }
+    what_to_do = {
+        "optimise": "Try optimise()",
+        "more-time": "Give the run more time",
+        "until-valid": 'Try until="valid"',
+        "raise-order": f"Try order={message.order}",
+        "split": 'Try repair="split"',
+        "slide": "Let boundary nodes slide on the CAD model (geometry=FILE) or on the boundary as it came "
+                 '(geometry=varimesh.Geometry(slide_on="boundary"))',
+        "other-boundary": "Mesh the boundary anew or refine it",
+    }  # fmt: skip
+    kind = spelled(quality_pb2.Remedy.Kind.DESCRIPTOR, message.kind)
+    sentence = f"{what_to_do[kind]}: {message.reason}" if kind in what_to_do else message.sentence
+    return Remedy(kind, arguments.get(kind, {}), message.elements, numbering.sentence(sentence))
+
+
 def left_of(message: quality_pb2.WhatIsLeft, numbering: Numbering) -> WhatIsLeft:
-    remedies = tuple(Remedy(one.flags, one.elements, numbering.sentence(one.sentence)) for one in message.remedies)
+    remedies = tuple(remedy_of(one, numbering) for one in message.remedies)
     return WhatIsLeft(message.uncertified, message.proved, message.unproved, remedies, numbering.sentence(message.sentence))
 
 

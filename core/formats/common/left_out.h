@@ -3,12 +3,31 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <initializer_list>
 #include <string>
 #include <vector>
 
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
+
+/// Whether the nodes are numbered 1, 2, … in the mesh's order, as a reader counts those of a file without numbers.
+inline bool are_nodes_counted(const HighOrderMesh& mesh) {
+  std::int64_t next = 0;
+  return std::ranges::all_of(mesh.node_numbers, [&](std::int64_t number) { return number == ++next; });
+}
+
+/// The same for the elements of these dimensions, all of one dimension before those of the next.
+inline bool are_elements_counted(const HighOrderMesh& mesh, std::initializer_list<int> dimensions) {
+  std::int64_t next = 0;
+  for (const int dimension : dimensions)
+    for (const ElementBlock& block : mesh.blocks) {
+      if (reference::info(block.shape).dimension != dimension) continue;
+      for (const std::int64_t number : block.numbers)
+        if (number != ++next) return false;
+    }
+  return true;
+}
 
 /// Collects what a file leaves out.
 class LeftOut {
@@ -26,6 +45,11 @@ class LeftOut {
     for (int d = mesh.dimension - 2; d >= 0; --d)
       count(std::int64_t(mesh.element_count(d)), d == 0 ? "point" : "line", d == 0 ? "points" : "lines");
   }
+  /// `n` elements on the boundary that are sides of no cell.
+  void stray_sides(std::int64_t n) {
+    count(n, "boundary element that is no side of an element", "boundary elements that are no sides of elements");
+  }
+  void numbers_if(bool lost) { add_if(lost, "the numbers of nodes and elements"); }
   /// What only Gmsh's formats have.
   void entities_and_partitions(const HighOrderMesh& mesh) {
     add_if(std::any_of(mesh.blocks.begin(), mesh.blocks.end(), [](const auto& b) { return !b.partitions.empty(); }),

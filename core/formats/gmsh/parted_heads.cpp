@@ -87,7 +87,7 @@ class PartedFile::Heads {
   void read_format() {
     const std::string name = line(), version = line();
     if (name != "$MeshFormat" || version.substr(0, 5) != "4.1 1")
-      fail_format("varimesh-mpi reads binary files of Gmsh's MSH 4.1 only; 'varimesh convert IN OUT.msh' writes them");
+      fail_format("Several processes read binary files of Gmsh's MSH 4.1 only; convert the mesh to one first");
     section_ = "MeshFormat";
     if (next<std::int32_t>("the number 1, which shows the byte order,") != 1)
       fail("the number that shows the byte order is not 1", "MeshFormat", at_);
@@ -164,8 +164,7 @@ class PartedFile::Heads {
       if (node_count(type) == 0) fail(why_refused(block.type), "Elements", at_);
       if (type.kind != GmshType::Kind::Complete)
         fail_format(
-            "varimesh-mpi reads no incomplete (serendipity) elements; 'varimesh convert IN OUT.msh' writes "
-            "complete ones");
+            "Several processes read no incomplete (serendipity) elements; convert the mesh to complete ones first");
       if (block.dimension != reference::info(type.shape).dimension)
         fail("an element block of dimension " + std::to_string(block.dimension) + " contains " +
                  std::string(reference::info(type.shape).plural),

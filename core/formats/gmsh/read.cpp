@@ -56,6 +56,16 @@ GmshType accepted_type(const Scanner& scanner, int number) {
   return type;
 }
 
+GmshType type_of_block(Scanner& scan, int dimension, ElementBlock& block) {
+  const GmshType type = accepted_type(scan, scan.integer("an element block's type"));
+  block.shape = type.shape;
+  block.order = type.order;
+  if (dimension != reference::info(type.shape).dimension)
+    scan.fail("an element block of dimension " + std::to_string(dimension) + " contains " +
+              std::string(reference::info(type.shape).plural));
+  return type;
+}
+
 // === Sections ============================================================================================
 
 namespace {

@@ -71,6 +71,10 @@ struct GmshReading {
 /// The shape and order for a number of an element type. Fails if VariMesh cannot read such elements.
 GmshType accepted_type(const Scanner& scanner, int number);
 
+/// Reads the type of an element block of this dimension, and gives the block its shape and order. Fails if the type is
+/// of another dimension.
+GmshType type_of_block(Scanner& scan, int dimension, ElementBlock& block);
+
 /// The number of an element. Fails if it is negative.
 inline std::int64_t element_number(const Scanner& scan, std::int64_t number) {
   if (number < 0) scan.fail("element number " + std::to_string(number) + " is negative; renumber the mesh");

@@ -220,12 +220,7 @@ void read_elements_41(GmshReading& reading) {
     const int dimension = scan.integer("an element block's dimension");
     ElementBlock block;
     block.entity = scan.integer("an element block's entity");
-    const GmshType type = accepted_type(scan, scan.integer("an element block's type"));
-    block.shape = type.shape;
-    block.order = type.order;
-    if (dimension != reference::info(type.shape).dimension)
-      scan.fail("an element block of dimension " + std::to_string(dimension) + " contains " +
-                std::string(reference::info(type.shape).plural));
+    const GmshType type = type_of_block(scan, dimension, block);
     const auto per_element = std::size_t(node_count(type));
     const std::int64_t n =
         scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 8 : 2));

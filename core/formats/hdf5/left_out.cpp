@@ -35,15 +35,11 @@ std::string not_in_hopr(const HighOrderMesh& mesh) {
   if (mesh.dimension != 3) return "";  // which cannot be written
   LeftOut lost;
   lost.small_elements(mesh);
-  lost.count(SideNeighbours(mesh, Cells(mesh, 3), Team(1)).stray(), "boundary element that is no side of an element",
-             "boundary elements that are no sides of elements");
-  std::int64_t next = 0;
-  bool renumbers = false, named = false, second = false;
+  lost.stray_sides(SideNeighbours(mesh, Cells(mesh, 3), Team(1)).stray());
+  bool named = false, second = false;
   for (const ElementBlock& block : mesh.blocks) {
     const int dimension = reference::info(block.shape).dimension;
     second = second || (dimension >= 2 && block.physical.size() > 1);
-    if (dimension == 3)
-      for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
   }
   for (const PhysicalGroup& group : mesh.physical_groups)
     named = named || (group.dimension == 3 && !group.name.empty());
@@ -55,32 +51,23 @@ std::string not_in_hopr(const HighOrderMesh& mesh) {
       ++used;
       most = std::max(most, mesh.node_numbers[node]);
     }
-  renumbers = renumbers || most > used;
   lost.count(std::int64_t(is_used.size()) - used, "node without a cell", "nodes without a cell");
   lost.add_if(named, "names of groups of cells");
   lost.add_if(second, "the second group of an element");
   lost.entities_and_partitions(mesh);
-  lost.add_if(renumbers, "the numbers of nodes and elements");
+  lost.numbers_if(most > used || !are_elements_counted(mesh, {3}));
   return lost.sentence("HOPR's format");
 }
 
 std::string not_in_cgns(const HighOrderMesh& mesh) {
   LeftOut lost;
   lost.small_elements(mesh);
-  bool renumbers = false;
-  std::int64_t next = 0;
-  for (const int d : {mesh.dimension, mesh.dimension - 1})
-    for (const ElementBlock& block : mesh.blocks)
-      if (reference::info(block.shape).dimension == d)
-        for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  next = 0;
-  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
   for (const ForeignSection& section : mesh.foreign)
     lost.add_if(section.format == "cgns" && section.name == kCgnsZones,
                 "the division into zones, which are subregions of one zone");
   lost.add_if(!mesh.periodic.empty(), "periodic links");
   lost.entities_and_partitions(mesh);
-  lost.add_if(renumbers, "the numbers of nodes and elements");
+  lost.numbers_if(!are_nodes_counted(mesh) || !are_elements_counted(mesh, {mesh.dimension, mesh.dimension - 1}));
   return lost.sentence("VariMesh's CGNS file");
 }
 
@@ -88,22 +75,16 @@ std::string not_in_pyfr(const HighOrderMesh& mesh) {
   LeftOut lost;
   lost.small_elements(mesh);
   bool cells = false, second = false;
-  std::int64_t next = 0;
-  bool renumbers = false;
   for (const ElementBlock& block : mesh.blocks) {
     second = second || (reference::info(block.shape).dimension == mesh.dimension - 1 && block.physical.size() > 1);
     if (reference::info(block.shape).dimension != mesh.dimension) continue;
     cells = cells || !block.physical.empty();
-    for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
   }
-  next = 0;
-  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
-  lost.count(SideNeighbours(mesh, Cells(mesh, mesh.dimension), Team(1)).stray(),
-             "boundary element that is no side of an element", "boundary elements that are no sides of elements");
+  lost.stray_sides(SideNeighbours(mesh, Cells(mesh, mesh.dimension), Team(1)).stray());
   lost.add_if(cells, "groups of cells");
   lost.add_if(second, "the second group of boundary elements");
   lost.entities_and_partitions(mesh);
-  lost.add_if(renumbers, "the numbers of nodes and elements");
+  lost.numbers_if(!are_nodes_counted(mesh) || !are_elements_counted(mesh, {mesh.dimension}));
   return lost.sentence("PyFR's format");
 }
 

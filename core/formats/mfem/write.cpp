@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "core/base/io/buffered_output.h"
+#include "core/formats/common/left_out.h"
 #include "core/formats/mfem/attributes.h"
 #include "core/formats/mfem/mfem.h"
 #include "core/formats/mfem/shared_sides.h"
@@ -324,34 +325,19 @@ MfemNodes mfem_nodes_of(const HighOrderMesh& mesh) {
 }
 
 std::string not_in_mfem(const HighOrderMesh& mesh) {
-  std::vector<std::string> lost;
-  for (int d = mesh.dimension - 2; d >= 0; --d)
-    if (const std::size_t n = mesh.element_count(d); n > 0)
-      lost.push_back(std::to_string(n) + (d == 0 ? " point" : " line") + (n == 1 ? "" : "s"));
+  LeftOut lost;
+  lost.small_elements(mesh);
   const auto sides = mesh.dimension > 1 ? std::int64_t(mesh.element_count(mesh.dimension - 1)) : 0;
   if (sides > 0) {
     const Grid grid(mesh, mfem_nodes_of(mesh), Team(1));
-    if (const std::int64_t n = sides - written_elements(grid, mesh.dimension - 1); n > 0)
-      lost.push_back(std::to_string(n) + (n == 1 ? " boundary element that is" : " boundary elements that are") +
-                     " no side of an element");
+    lost.stray_sides(sides - written_elements(grid, mesh.dimension - 1));
   }
-  if (!mesh.periodic.empty()) lost.push_back("periodic links");
-  if (std::any_of(mesh.blocks.begin(), mesh.blocks.end(), [](const auto& block) { return !block.partitions.empty(); }))
-    lost.push_back("partitions");
-  if (!mesh.entities.empty()) lost.push_back("entities of the geometry");
+  lost.add_if(!mesh.periodic.empty(), "periodic links");
+  lost.entities_and_partitions(mesh);
   // A file has no numbers. A reader counts nodes and elements, and VariMesh counts those of a curved mesh as MFEM does.
-  std::int64_t next = 0;
-  bool renumbers = mesh.order > 1 && !is_remembered(mesh);
-  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
-  next = 0;
-  for (const int d : {mesh.dimension, mesh.dimension - 1})
-    for (const ElementBlock& block : mesh.blocks)
-      if (has_dimension(block, d))
-        for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  if (renumbers) lost.push_back("the numbers of nodes and elements");
-  std::string text;
-  for (std::size_t i = 0; i < lost.size(); ++i) text += (i == 0 ? "" : i + 1 == lost.size() ? " and " : ", ") + lost[i];
-  return text.empty() ? text : "MFEM's format has no place for " + text + "; the file leaves them out.";
+  lost.numbers_if((mesh.order > 1 && !is_remembered(mesh)) || !are_nodes_counted(mesh) ||
+                  !are_elements_counted(mesh, {mesh.dimension, mesh.dimension - 1}));
+  return lost.sentence("MFEM's format");
 }
 
 Expected<void> check_mfem_sides(const HighOrderMesh& mesh, const Team& team) {

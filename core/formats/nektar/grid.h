@@ -97,16 +97,9 @@ class NektarGrid {
   /// Calls body(cell, shape, vertices) for cells from begin to end − 1; `vertices` in Nektar++'s order.
   template <class Body>
   void for_cells(std::size_t begin, std::size_t end, const Body& body) const {
-    for (std::size_t cell = begin; cell < end;) {
-      const Cells::Range& range = cells.range_of(cell);
-      const Shape shape = range.block->shape;
-      const std::size_t stop = std::min(end, range.first + range.block->size());
-      for (; cell < stop; ++cell) {
-        const std::span nodes(range.block->nodes.data() + (cell - range.first) * range.stride, range.stride);
-        const std::array<std::int32_t, 8> turned = vertices_of(shape, nodes);
-        body(cell, shape, std::span(turned.data(), std::size_t(reference::info(shape).vertices)));
-      }
-    }
+    for_cells_with_vertices(
+        cells, begin, end, [&](Shape shape, std::span<const std::int32_t> nodes) { return vertices_of(shape, nodes); },
+        body);
   }
 
   /// Calls body(edge, its two vertices, ascending) for edges from begin to end − 1, in order.

@@ -63,26 +63,18 @@ std::string not_in_nektar(const HighOrderMesh& mesh) {
       for (std::size_t e = 0; e < block.size(); ++e)
         stray += grid.side(block.shape, {block.nodes.data() + e * count, count}) < 0 ? 1 : 0;
   }
-  lost.count(stray, "boundary element that is no side of an element",
-             "boundary elements that are no sides of elements");
+  lost.stray_sides(stray);
   lost.add_if(!mesh.periodic.empty(), "periodic links");
   lost.entities_and_partitions(mesh);
   // A file's numbers are counted in the order of its lists, as a reader of it counts them.
-  std::int64_t next = 0;
-  bool renumbers = !grid.has_file_order();
-  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
-  next = 0;
-  for (const int d : {mesh.dimension, mesh.dimension - 1})
-    for (const ElementBlock& block : mesh.blocks)
-      if (has_dimension(block, d))
-        for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  lost.add_if(renumbers, "the numbers of nodes and elements");
+  lost.numbers_if(!grid.has_file_order() || !are_nodes_counted(mesh) ||
+                  !are_elements_counted(mesh, {mesh.dimension, mesh.dimension - 1}));
   std::string text = lost.sentence("Nektar++'s format");
   if (const std::int64_t n = other_interiors(mesh, *vertices); n > 0)
     text += (text.empty() ? "" : " ") +
             std::string("Nektar++ makes the interior of cells from their edges and faces; ") + std::to_string(n) +
             (n == 1 ? " cell gets" : " cells get") +
-            " another interior than the mesh has, so certify the file itself with: varimesh quality FILE --certify";
+            " another interior than the mesh has, so judge the quality of the file itself";
   return text;
 }
 

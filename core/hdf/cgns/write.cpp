@@ -253,7 +253,7 @@ Expected<void> write_cgns(const HighOrderMesh& mesh, hdf::Writer& writer, const 
     if (block.order > kMostCgnsOrder)
       return bad_option("CGNS has elements up to order " + std::to_string(kMostCgnsOrder) +
                         ", and the mesh has order " + std::to_string(block.order) +
-                        "; write vtu or mfem, or lower the order with --order 4.");
+                        "; write vtu or mfem, or lower the order to 4.");
   if (mesh.dimension < 2) return bad_option("CGNS files of VariMesh have meshes of dimension 2 and 3; write msh41.");
   Writing(mesh, writer, team).write();
   return {};

@@ -19,7 +19,7 @@ namespace varimesh {
 /// its own through them, so a mesh of curved cells should be judged again. The first simplex of an element keeps its
 /// number. Fields on elements in sections that VariMesh does not use ($ElementData, $ElementNodeData) are dropped.
 /// Errors: BadInput as for check_blocks(), or if there would be too many cells.
-/// @param parents  gets, by cell of the result, the cell that it is a part of; null: nobody wants to know
+/// @param parents  by cell of the result, gets the cell that it is a part of; may be null
 Expected<HighOrderMesh> to_simplices(const HighOrderMesh& mesh, std::vector<std::int32_t>* parents = nullptr);
 
 }  // namespace varimesh

@@ -74,7 +74,7 @@ class Runs {
     // Nodes have slid, so nobody need be told to let them.
     if (!is_only_run)
       std::erase_if(best_.result.left.remedies,
-                    [](const Remedy& remedy) { return remedy.flags.starts_with("--slide-on"); });
+                    [](const Remedy& remedy) { return remedy.kind == Remedy::Kind::Slide; });
     return std::move(best_);
   }
 

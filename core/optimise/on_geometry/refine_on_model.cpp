@@ -16,7 +16,7 @@
 #include "core/repair/boundary/boundary_swaps.h"
 #include "core/repair/boundary/cusps.h"
 #include "core/repair/boundary/refine.h"
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 
 namespace varimesh {
 namespace {

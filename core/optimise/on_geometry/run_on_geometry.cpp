@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "core/merit/merit.h"
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 
 namespace varimesh {
 namespace {

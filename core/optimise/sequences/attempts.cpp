@@ -340,23 +340,14 @@ OtherWays try_ways(SetUp& set_up, const OnIteration& on_iteration, const RunCont
                    Result& result, bool raises_order) {
   const bool is_wanted = leaves_hope(result) || may_rise(set_up.options, result) || has_stayed(set_up, result) ||
                          was_made_valid_late(set_up, result);
-  const bool is_open = control.another_follows && left(result) > 0;
-  const bool may = is_wanted && !is_open && set_up.leaves_the_way_open && !result.stopped && !was_cut_short(result) &&
-                   !stop.stopped() && result.iterations > 0;
+  const bool another_mends = control.another_follows && left(result) > 0;
+  const bool may = is_wanted && !another_mends && set_up.may_try_other_ways && !result.stopped &&
+                   !was_cut_short(result) && !stop.stopped() && result.iterations > 0;
   if (!may) return {};
   return Attempts(set_up, on_iteration, control, stop, result, raises_order).run();
 }
 
 }  // namespace
-
-bool leaves_the_way_open(const Options& options) {
-  Options without_objective = options;
-  without_objective.objective = Objective::Auto;
-  without_objective.min_js = Options().min_js;
-  constexpr int kCurved = 2;
-  return options.objective != Objective::Energy && objective_of(without_objective, kCurved) == Objective::Accuracy &&
-         options.method == Method::Auto && !splits(options.repair) && options.max_iterations > 0;
-}
 
 OtherWays try_other_ways(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop,
                          Result& result) {

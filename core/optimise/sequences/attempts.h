@@ -11,10 +11,6 @@
 
 namespace varimesh {
 
-/// Whether the options leave to the run how it makes the mesh valid: they name neither an energy with Objective::Auto
-/// nor Objective::Energy, a method, another target than the straight-sided shape, or a repair that changes elements.
-bool leaves_the_way_open(const Options& options);
-
 /// What was tried.
 struct OtherWays {
   bool tried = false;

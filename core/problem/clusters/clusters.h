@@ -20,8 +20,8 @@ struct Clusters {
 /// in the same order.
 ///
 /// A cell's turn depends on all before it. So that threads can share the work, a large mesh is divided into regions of
-/// 64 clusters and at least 4,096 cells (regions.h), which grow theirs independently, and the last cluster of each may
-/// be smaller. The result does not depend on the number of threads. Call it inside team.run().
+/// 64 clusters and at least 4,096 cells (regions.h), whose clusters grow independently. The last cluster of each region
+/// may be smaller. The result does not depend on the number of threads. Call it inside team.run().
 Clusters cluster_cells(const HighOrderMesh& mesh, std::int32_t size, const Team& team = Team(1));
 
 }  // namespace varimesh

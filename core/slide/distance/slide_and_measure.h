@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "core/slide/distance/boundary_distances.h"
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 
 namespace varimesh {
 

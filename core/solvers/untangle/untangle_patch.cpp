@@ -12,6 +12,7 @@
 
 #include "core/base/index.h"
 #include "core/kernels/regularisation.h"
+#include "core/solvers/dense_vectors.h"
 #include "core/solvers/newton_method.h"
 
 namespace varimesh {
@@ -168,7 +169,7 @@ Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& te
 
 /// The energy of the patch at its ε for Newton's method. The Hessian is positive semidefinite; the preconditioner has
 /// the inverses of the nodes' blocks.
-class UntanglePatch::Objective final : public Minimised {
+class UntanglePatch::Objective final : public DenseVectors {
  public:
   Objective(UntanglePatch& patch, const Team& team, HessianRoom& room) : patch_(patch), team_(team), room_(room) {}
 
@@ -182,47 +183,33 @@ class UntanglePatch::Objective final : public Minimised {
             patch_.blocks_[i].middleCols(static_cast<Eigen::Index>(n) * d, d);
     for (Block& block : inverse_blocks_) block = inverse(block);
     start_ = patch_.positions_;
-    x_.setZero(patch_.gradient_.size());
-    r_ = -patch_.gradient_;
-    q_.resize(r_.size());
+    start(patch_.gradient_);
     return energy;
   }
   double precondition() override {
     Eigen::Index first = 0;
     for (const Block& block : inverse_blocks_) {
-      q_.segment(first, block.rows()).noalias() = block * r_.segment(first, block.rows());
+      product_.segment(first, block.rows()).noalias() = block * residual_.segment(first, block.rows());
       first += block.rows();
     }
-    return r_.dot(q_);
+    return residual_.dot(product_);
   }
   double multiply() override {
-    q_ = patch_.multiply(p_, team_);
-    return p_.dot(q_);
+    product_ = patch_.multiply(direction_, team_);
+    return direction_.dot(product_);
   }
-  void advance(double alpha) override {
-    x_ += alpha * p_;
-    r_ -= alpha * q_;
-  }
-  void turn(double beta) override {
-    if (beta == 0)
-      p_ = q_;
-    else
-      p_ = q_ + beta * p_;
-  }
-  void take_direction() override { x_ = p_; }
   double gradient_norm() override { return patch_.gradient_.norm(); }
-  double preconditioned_norm(double rq) const override { return std::sqrt(std::max(0.0, rq)); }
   double largest_step() override {
     double largest = 0;
     const Eigen::Index d = patch_.dimension_;
     for (std::size_t n = 0; n < patch_.nodes_.size(); ++n)
-      largest = std::max(largest, x_.segment(static_cast<Eigen::Index>(n) * d, d).norm() /
+      largest = std::max(largest, step_.segment(static_cast<Eigen::Index>(n) * d, d).norm() /
                                       (patch_.lengths_.empty() ? 1 : patch_.lengths_[n]));
     return largest;
   }
-  double finish_step() override { return patch_.gradient_.dot(x_); }
+  double finish_step() override { return patch_.gradient_.dot(step_); }
   double move(double alpha) override {
-    patch_.positions_ = start_ + alpha * x_;
+    patch_.positions_ = start_ + alpha * step_;
     patch_.place(patch_.positions_);
     return patch_.value(team_);
   }
@@ -232,7 +219,7 @@ class UntanglePatch::Objective final : public Minimised {
   const Team& team_;
   HessianRoom& room_;
   std::vector<Block> inverse_blocks_;  ///< By node.
-  Eigen::VectorXd start_, x_, r_, p_, q_;
+  Eigen::VectorXd start_;              ///< The positions where linearise() found them.
 };
 
 UntangleStep UntanglePatch::step(const Team& team, HessianRoom& room) {

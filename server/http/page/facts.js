@@ -75,12 +75,29 @@ const uncertifiedOf = ({mesh, after}) => countOf(mesh.elements) - countOf(after?
 /** "2 of 10 elements" that are not certified valid. */
 const leftOf = (metrics) => `${grouped(uncertifiedOf(metrics))} of ${counted(countOf(metrics.mesh.elements), 'element')}`;
 
+/** What to do in this page for a remedy, by the end of its kind. */
+const REMEDY_ACTIONS = {
+  OPTIMISE: () => 'Optimise the mesh',
+  MORE_TIME: () => 'Give the run more time',
+  UNTIL_VALID: () => 'Set until to valid',
+  RAISE_ORDER: ({order}) => `Set order to ${order}`,
+  SPLIT: () => 'Set repair to split',
+  SLIDE: () => 'Choose a CAD model, on which boundary nodes then slide',
+  OTHER_BOUNDARY: () => 'Mesh the boundary anew or refine it',
+};
+
+/** A remedy in the words of this page. */
+function remedyText(remedy) {
+  const action = REMEDY_ACTIONS[remedy.kind?.replace('KIND_', '')];
+  return action ? `${action(remedy)}: ${remedy.reason}` : remedy.sentence;
+}
+
 /** What somebody who uses the mesh should know: whether it is valid, what to try if it is not, and notes. */
 function warnings(job) {
   const {left, geometry, notes = []} = job.metrics;
   const uncertified = uncertifiedOf(job.metrics);
   const isValid = uncertified === 0;
-  const remedies = (left?.remedies ?? []).map((remedy) => remedy.sentence);
+  const remedies = (left?.remedies ?? []).map(remedyText);
   const lines = [...(isValid ? [] : remedies), ...notes, ...(geometry?.sentences ?? [])].filter(Boolean);
   const sentence = isValid ? 'All elements are certified valid.' : left?.sentence || `${leftOf(job.metrics)} ${uncertified === 1 ? 'is' : 'are'} not certified valid.`;
   return make('div', {id: 'verdict'}, make('p', {class: `verdict ${isValid ? 'good' : 'bad'}`}, sentence),

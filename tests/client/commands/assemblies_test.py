@@ -7,7 +7,7 @@ import sys
 import unittest
 from pathlib import Path
 
-from curve_test import certified
+from bodies import certified
 from geometry_test import gmsh_python
 from programs import VARIMESH, WithFolder, run
 

@@ -142,7 +142,7 @@ class Jobs(WithServer):
         self.assertEqual(run("optimise", MESH, "-o", straight, "--order", "1").returncode, 0)
         raised = run("optimise", straight, "-o", out, "--order", "3")
         self.assertIn("its boundary is still straight", raised.stderr)
-        self.assertIn("--boundary or --displacements", raised.stderr)
+        self.assertIn("before it is optimised", raised.stderr)
         self.assertNotIn("still straight", run("optimise", MESH, "-o", out, "--order", "5").stderr)
 
     def test_a_job_that_runs_is_not_deleted(self):

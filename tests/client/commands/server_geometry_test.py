@@ -189,7 +189,7 @@ class OnAServer(Geometry):
         done = self.remote(mesh=mesh)
         self.assertEqual(done.returncode, 3, done.stderr)
         self.assertIn("surface in space", done.stderr)
-        self.assertIn("without --server", done.stderr)
+        self.assertIn("slide without a server", done.stderr)
 
 
 class OnAServerWithoutGeometries(Geometry):

@@ -16,6 +16,8 @@ from support import CASES, LARGER, MESH, VARIMESH
 support.need()
 import numpy as np
 import varimesh
+from varimesh import numbering, options, reports
+from varimesh.v1 import quality_pb2
 
 
 class Client(support.WithServer):
@@ -173,10 +175,26 @@ class Client(support.WithServer):
         self.assertEqual((left.uncertified, left.proved, left.unproved), (1, 1, 0))
         self.assertIn("1 element", left.sentence)
         self.assertTrue(left.remedies)
+        boundary = left.remedies[-1]
+        self.assertEqual((boundary.kind, boundary.arguments, boundary.elements), ("other-boundary", {}, 1))
+        self.assertIn("Mesh the boundary anew or refine it: nothing else is known to help element 0", boundary.sentence)
+        judged = self.client.optimise(folded, max_iterations=0).metrics.left.remedies
+        for one in judged:
+            self.assertNotIn("--", one.sentence)  # no flags of the command
+            self.assertIn(one.kind, ("optimise", "more-time", "until-valid", "other-boundary"))
         self.assertEqual(named.remedies, tuple(one.sentence for one in left.remedies))
         steps = self.client.optimise(folded, repair="straighten").metrics.repairs
         self.assertLessEqual({step.kind for step in steps}, {"straightened", "left"})
         self.assertTrue(steps and all(step.sentence and step.elements for step in steps))
+
+    def test_every_kind_of_remedy_has_words_and_arguments_that_are_taken(self):
+        for name, number in quality_pb2.Remedy.Kind.items():
+            message = quality_pb2.Remedy(kind=number, order=3, elements=2, reason="it helps.", sentence="As the server says.")
+            made = reports.remedy_of(message, numbering.OF_FILES)
+            self.assertEqual(made.sentence == message.sentence, number == 0, name)
+            self.assertEqual(made.sentence.endswith(": it helps."), number != 0, name)
+            self.assertNotIn("--", made.sentence)
+            options.to_message({key: value for key, value in made.arguments.items() if key != "geometry"})
 
     def test_quality_moves_nothing_and_leaves_no_job(self):
         before = len(list(self.client.jobs()))

@@ -65,8 +65,10 @@ TEST_F(RemediesTest, SlidingComesBeforeAnotherBoundaryMesh) {
   const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {numbers_[0]}, -0.2)};
   const WhatIsLeft left = what_is_left(mesh_, {numbers_[0]}, groups, tried);
   ASSERT_EQ(left.remedies.size(), 2U);
-  EXPECT_NE(left.remedies[0].sentence.find("--geometry MODEL"), std::string::npos) << left.remedies[0].sentence;
-  EXPECT_TRUE(left.remedies[1].sentence.starts_with("Mesh the boundary anew")) << left.remedies[1].sentence;
+  EXPECT_EQ(left.remedies[0].kind, Remedy::Kind::Slide);
+  EXPECT_EQ(left.remedies[1].kind, Remedy::Kind::OtherBoundary);
+  EXPECT_EQ(left.remedies[1].reason,
+            "where sliding does not help element " + std::to_string(numbers_[0]) + ", nothing else is known to.");
 }
 
 TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
@@ -74,25 +76,44 @@ TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
   const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {n[0]}, -0.2),
                                                  group(Kind::FoldedFace, {n[1]}, -0.2)};
   const std::vector<std::int64_t> uncertified = {n[0], n[1], n[2]};
-  const auto flags_and_counts = [&](const Tried& tried) {
-    std::vector<std::pair<std::string, std::int64_t>> all;
+  using Kind = Remedy::Kind;
+  using All = std::vector<std::pair<Kind, std::int64_t>>;
+  const auto kinds_and_counts = [&](const Tried& tried) {
+    All all;
     for (const Remedy& remedy : what_is_left(mesh_, uncertified, groups, tried).remedies)
-      all.emplace_back(remedy.flags, remedy.elements);
+      all.emplace_back(remedy.kind, remedy.elements);
     return all;
   };
-  using All = std::vector<std::pair<std::string, std::int64_t>>;
-  EXPECT_EQ(flags_and_counts({}), (All{{"", 1}, {"--repair split", 1}, {"--slide-on boundary", 1}, {"", 1}}))
-      << "not optimised yet";
+  const All boundary = {{Kind::Slide, 1}, {Kind::OtherBoundary, 1}};
+  const auto then_boundary = [&](All first) {
+    first.insert(first.end(), boundary.begin(), boundary.end());
+    return first;
+  };
+  EXPECT_EQ(kinds_and_counts({}), then_boundary({{Kind::Optimise, 1}, {Kind::Split, 1}})) << "not optimised yet";
   Tried tried;
   tried.movement = true;
-  EXPECT_EQ(flags_and_counts(tried),
-            (All{{"--until valid", 1}, {"--repair split", 2}, {"--slide-on boundary", 1}, {"", 1}}));
+  EXPECT_EQ(kinds_and_counts(tried), then_boundary({{Kind::UntilValid, 1}, {Kind::Split, 2}}));
   tried.until_valid = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"--repair split", 2}, {"--slide-on boundary", 1}, {"", 1}}));
+  EXPECT_EQ(kinds_and_counts(tried), then_boundary({{Kind::Split, 2}}));
   tried.split = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"--slide-on boundary", 3}, {"", 3}})) << "only another boundary is left";
+  EXPECT_EQ(kinds_and_counts(tried), (All{{Kind::Slide, 3}, {Kind::OtherBoundary, 3}}))
+      << "only another boundary is left";
   tried.cut_short = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"", 1}, {"--slide-on boundary", 2}, {"", 2}})) << "more time";
+  EXPECT_EQ(kinds_and_counts(tried), (All{{Kind::MoreTime, 1}, {Kind::Slide, 2}, {Kind::OtherBoundary, 2}}));
+}
+
+TEST_F(RemediesTest, TheNextOrderComesFirstIfItHasHelped) {
+  Tried tried;
+  tried.movement = tried.until_valid = true;
+  tried.next_order = 3;
+  tried.left_at_next_order = 1;
+  const WhatIsLeft left = what_is_left(mesh_, {numbers_[0], numbers_[1]}, {}, tried);
+  ASSERT_FALSE(left.remedies.empty());
+  const Remedy& first = left.remedies.front();
+  EXPECT_EQ(first.kind, Remedy::Kind::RaiseOrder);
+  EXPECT_EQ(first.order, 3);
+  EXPECT_EQ(first.elements, 1);
+  EXPECT_EQ(first.reason, "it has been tried, and all but 1 element become valid.");
 }
 
 TEST(Remedies, OnASurfaceInSpaceOnlyAnotherMeshHelps) {
@@ -101,7 +122,7 @@ TEST(Remedies, OnASurfaceInSpaceOnlyAnotherMeshHelps) {
   EXPECT_TRUE(diagnose(surface).empty());
   const WhatIsLeft left = what_is_left(surface, {Cells(surface, 2).number(0)}, {}, {});
   ASSERT_EQ(left.remedies.size(), 1U);
-  EXPECT_TRUE(left.remedies[0].sentence.starts_with("Mesh the boundary anew")) << left.remedies[0].sentence;
+  EXPECT_EQ(left.remedies[0].kind, Remedy::Kind::OtherBoundary);
 }
 
 }  // namespace

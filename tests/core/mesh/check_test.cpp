@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 
@@ -106,7 +107,7 @@ TEST(CheckMesh, ANodeOfNoCellMayLieOutsideThePlane) {
 TEST(CheckMesh, SurfaceInSpace) {
   EXPECT_REFUSED(
       linear({0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0}, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}}),
-      "'varimesh quality' judges it");
+      "only the quality of the mesh can be judged");
 }
 
 TEST(CheckMesh, ASurfaceInSpaceMayBeJudged) {
@@ -289,6 +290,21 @@ TEST(CheckMesh, QuadrilateralFaceAgainstTriangularOnes) {
                             {Shape::Tetrahedron, {4, 5, 6, 8}},
                             {Shape::Tetrahedron, {4, 6, 7, 8}}}),
                  " do not conform: a triangular face");
+}
+
+TEST(CheckMesh, NumbersThatLeaveNoneForNewNodesAndElements) {
+  for (const std::int64_t largest : {std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::min(),
+                                     (std::int64_t{1} << 62) + 1}) {
+    HighOrderMesh mesh = test::one_cell(Shape::Tetrahedron, 2);
+    mesh.node_numbers.back() = largest;
+    EXPECT_REFUSED(mesh, "Node " + std::to_string(largest) + " has a number beyond 2^62");
+    mesh = test::one_cell(Shape::Tetrahedron, 2);
+    mesh.blocks[0].numbers[0] = largest;
+    EXPECT_REFUSED(mesh, "Element " + std::to_string(largest) + " has a number beyond 2^62");
+  }
+  HighOrderMesh mesh = test::one_cell(Shape::Tetrahedron, 2);
+  mesh.node_numbers.back() = mesh.blocks[0].numbers[0] = std::int64_t{1} << 62;
+  EXPECT_TRUE(check_structure(mesh));
 }
 
 TEST(CheckMesh, CellsThatMeetAlongAnEdgeOnly) {

@@ -5,8 +5,8 @@
 #include "core/optimise/optimiser.h"
 #include "core/slide/coupled/coupled_newton.h"
 #include "core/slide/coupled/hold_back.h"
+#include "core/slide/on_file/slide_on_file.h"
 #include "core/slide/slide.h"
-#include "core/slide/slide_on_file.h"
 #include "tests/core/support/disc_mesh.h"
 
 namespace varimesh {

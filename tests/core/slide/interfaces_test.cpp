@@ -5,7 +5,7 @@
 
 #include "core/association/own_boundary.h"
 #include "core/reference/nodes.h"
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 #include "tests/core/support/disc_mesh.h"
 
 namespace varimesh::detail {

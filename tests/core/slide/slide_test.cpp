@@ -9,7 +9,7 @@
 #include "core/association/smooth_joints.h"
 #include "core/geometry/analytic.h"
 #include "core/geometry/closest_point.h"
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/split_pipe.h"

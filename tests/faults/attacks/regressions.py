@@ -19,7 +19,7 @@ TESTS = {
     "digests of others": [r"server.Owners\..*", r"server.DirectoryOwners\..*"],
     "state directories": [r"server.StateDirectoryTest\..*", r"server.Restart\..*"],
     "HTTP ports": [r"server.admin\..*"],
-    "certificates": [r"client.jobs.tls.*"],
+    "certificates": [r"client.tls.*", r"server.tls.*"],
     "watches through nginx": ["deploy.nginx"],
     "buckets": [r"server.s3\..*"],
     "files of a farm": [r"deploy.farm\..*", r"server.postgres.PostgresAddress\..*"],

@@ -24,6 +24,23 @@ TEST(Translate, ConvertsMessagesToUtf8) {
   EXPECT_NE(error.message().find("Fl"), std::string::npos);
 }
 
+TEST(Translate, SaysForEveryRemedyWhatToDoInTheWordsOfTheContract) {
+  const auto* kinds = v1::Remedy::Kind_descriptor();
+  WhatIsLeft left;
+  for (int i = 0; i + 1 < kinds->value_count(); ++i)
+    left.remedies.push_back({static_cast<Remedy::Kind>(i), 2, "it helps.", 3});
+  const v1::WhatIsLeft message = to_proto(left);
+  for (int i = 0; i < message.remedies_size(); ++i) {
+    const v1::Remedy& remedy = message.remedies(i);
+    EXPECT_EQ(static_cast<int>(remedy.kind()), kinds->value(i + 1)->number());
+    EXPECT_EQ(remedy.elements(), 2);
+    EXPECT_EQ(remedy.order(), 3);
+    EXPECT_GT(remedy.sentence().size(), std::string(": it helps.").size()) << kinds->value(i + 1)->name();
+    EXPECT_TRUE(remedy.sentence().ends_with(": it helps.")) << remedy.sentence();
+    EXPECT_EQ(remedy.sentence().find("--"), std::string::npos) << remedy.sentence();
+  }
+}
+
 TEST(Translate, KnowsEveryFileFormat) {
   for (int value = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(value); ++value) {
     const auto format = static_cast<v1::MeshFormat>(value);

@@ -91,7 +91,8 @@ TEST(OtherWays, SayIfTheNextOrderLeavesFewer) {
   ASSERT_EQ(result.left.uncertified, 1);
   EXPECT_EQ(result.mesh.order, 1);
   ASSERT_FALSE(result.left.remedies.empty());
-  EXPECT_EQ(result.left.remedies.front().flags, "--order 2");
+  EXPECT_EQ(result.left.remedies.front().kind, Remedy::Kind::RaiseOrder);
+  EXPECT_EQ(result.left.remedies.front().order, 2);
   EXPECT_EQ(result.left.remedies.front().elements, 1);
   Options options;
   options.order = 2;
@@ -108,17 +109,17 @@ TEST(OtherWays, LeaveAnOptimiserAsItWas) {
   EXPECT_EQ(first->mesh.coordinates, second->mesh.coordinates);
 }
 
-TEST(OtherWays, AreOpenOnlyIfNoOptionNamesOne) {
-  EXPECT_TRUE(leaves_the_way_open({}));
+TEST(OtherWays, AreTriedOnlyIfNoOptionNamesOne) {
+  EXPECT_TRUE(may_try_other_ways({}));
   Options options;
   options.objective = Objective::Worst;
-  EXPECT_TRUE(leaves_the_way_open(options));
+  EXPECT_TRUE(may_try_other_ways(options));
   options.energy = Energy::Winslow;
-  EXPECT_FALSE(leaves_the_way_open(options));
-  EXPECT_FALSE(leaves_the_way_open(testing::for_energy()));
+  EXPECT_FALSE(may_try_other_ways(options));
+  EXPECT_FALSE(may_try_other_ways(testing::for_energy()));
   options = {};
   options.repair = Repair::Split;
-  EXPECT_FALSE(leaves_the_way_open(options));
+  EXPECT_FALSE(may_try_other_ways(options));
 }
 
 }  // namespace

@@ -11,9 +11,8 @@
 #include <optional>
 
 #include "core/curve/curve.h"
-#include "core/mesh/check.h"
-#include "core/mesh/conformity.h"
 #include "core/repair/node_key.h"
+#include "tests/core/repair/boundary/conforming.h"
 #include "tests/core/support/disc_mesh.h"
 
 namespace varimesh {
@@ -273,16 +272,7 @@ TEST_P(BoundarySwaps, LeaveNoBlockWithoutCells) {
 
 TEST_P(BoundarySwaps, KeepAMeshThatConforms) {
   const SwappedMesh made = swapped(mesh_, all_cells(mesh_));
-  const auto checked = check_structure(made.mesh);
-  EXPECT_TRUE(checked) << checked.error().sentence;
-  const Facets found = facets(made.mesh);
-  EXPECT_LT(found.crowded, 0);
-  EXPECT_TRUE(check_conformity(made.mesh, found, Team(1)));
-  EXPECT_EQ(std::ranges::count(found.neighbour, -1), static_cast<std::ptrdiff_t>(made.mesh.element_count(2)));
-  std::vector<bool> used(made.mesh.node_count(), false);
-  for (const ElementBlock& block : made.mesh.blocks)
-    for (const std::int32_t node : block.nodes) used[static_cast<std::size_t>(node)] = true;
-  EXPECT_EQ(std::ranges::count(used, false), 0);
+  testing::expect_conforming(made.mesh);
 }
 
 TEST_P(BoundarySwaps, PutTheNewBoundaryOnTheGeometry) {

@@ -7,8 +7,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/mesh/check.h"
-#include "core/mesh/conformity.h"
+#include "tests/core/repair/boundary/conforming.h"
 #include "tests/core/support/disc_mesh.h"
 
 namespace varimesh {
@@ -80,17 +79,7 @@ TEST_P(Refine, KeepsAMeshThatConforms) {
   std::size_t added = 0;
   for (const RepairStep& step : made.steps) added += step.new_elements.size();
   EXPECT_EQ(made.mesh.element_count(3), mesh_.element_count(3) + added);
-  const auto checked = check_structure(made.mesh);
-  EXPECT_TRUE(checked) << checked.error().sentence;
-  const Facets found = facets(made.mesh);
-  EXPECT_LT(found.crowded, 0);
-  EXPECT_TRUE(check_conformity(made.mesh, found, Team(1)));
-  // Every facet without a neighbour has an element of its own.
-  EXPECT_EQ(std::ranges::count(found.neighbour, -1), static_cast<std::ptrdiff_t>(made.mesh.element_count(2)));
-  std::vector<bool> used(made.mesh.node_count(), false);
-  for (const ElementBlock& block : made.mesh.blocks)
-    for (const std::int32_t node : block.nodes) used[static_cast<std::size_t>(node)] = true;
-  EXPECT_EQ(std::ranges::count(used, false), 0);
+  testing::expect_conforming(made.mesh);
 }
 
 /// How far a node is from the surface with this tag.

@@ -1,4 +1,4 @@
-#include "core/slide/slide_on_file.h"
+#include "core/slide/on_file/slide_on_file.h"
 
 #include <algorithm>
 #include <cassert>
@@ -40,8 +40,8 @@ Expected<void> check_order(const HighOrderMesh& mesh, int order) {
                       ".");
   if (mesh.order != 1)
     return bad_input("The mesh has order " + std::to_string(mesh.order) +
-                     ", but only a mesh of order 1 can be curved; let 'varimesh optimise --geometry' improve a curved "
-                     "one.");
+                     ", but only a mesh of order 1 can be curved; optimise a mesh that is curved already on its "
+                     "geometry.");
   return {};
 }
 
