@@ -24,6 +24,7 @@
 #include "core/base/counted.h"
 #include "core/base/version.h"
 #include "core/device/card.h"
+#include "core/device_kernels/judge/judge_check.h"
 #include "core/device_kernels/self_check.h"
 #include "core/geometry/cad_reader.h"
 #include "core/process/helper_program.h"
@@ -92,6 +93,7 @@ Finding cad_plugin() {
 Finding kernels(const device::Driver& driver) {
   const auto card = driver.use();
   auto checked = card ? device::check_kernels(**card) : tl::unexpected(card.error());
+  if (checked) checked = check_judgement(**card);
   if (checked) checked = check_newton(**card);
   if (checked) checked = check_descent(**card);
   if (checked) return {"device kernels", "compute the processor's bits", ""};

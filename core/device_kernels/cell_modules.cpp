@@ -2,6 +2,7 @@
 
 #include <string_view>
 
+#include "core/device_kernels/cpu/judge.h"
 #include "core/device_kernels/cpu/modules.h"
 
 #ifdef VARIMESH_CARD_KERNELS
@@ -10,7 +11,7 @@ namespace varimesh::device::ptx {
 #include "core/device_kernels/kernels/cell_kinds.h"
 #define ENERGY(dimension, number, name, ...) extern const std::string_view general_##name##_##dimension##d;
 #include "core/device_kernels/kernels/energies.h"
-extern const std::string_view solver_2d, solver_3d, descent_2d, descent_3d;
+extern const std::string_view solver_2d, solver_3d, descent_2d, descent_3d, judge_2d, judge_3d;
 }  // namespace varimesh::device::ptx
 #define ON_CARD(module) &ptx::module
 #else
@@ -80,6 +81,11 @@ KernelImage solver_kernels(int dimension) {
 KernelImage descent_kernels(int dimension) {
   if (dimension == 2) return {"of the descent in the plane", packed(ON_CARD(descent_2d)), cpu_descent_2d()};
   return {"of the descent in space", packed(ON_CARD(descent_3d)), cpu_descent_3d()};
+}
+
+KernelImage judge_kernels(int dimension) {
+  if (dimension == 2) return {"that judge cells in the plane", packed(ON_CARD(judge_2d)), cpu_judge_2d()};
+  return {"that judge cells in space", packed(ON_CARD(judge_3d)), cpu_judge_3d()};
 }
 
 }  // namespace varimesh::device

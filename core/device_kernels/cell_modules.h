@@ -29,4 +29,7 @@ KernelImage solver_kernels(int dimension);
 /// The kernels of the descent besides those of the cells (kernels/descent/kernels.h).
 KernelImage descent_kernels(int dimension);
 
+/// The kernels that judge cells: certificates and the lattice of the quality report (kernels/judge/kernels.h).
+KernelImage judge_kernels(int dimension);
+
 }  // namespace varimesh::device

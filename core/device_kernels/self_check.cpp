@@ -1,5 +1,7 @@
 #include "core/device_kernels/self_check.h"
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <initializer_list>
 #include <string>
@@ -112,12 +114,18 @@ std::vector<HighOrderMesh> check_meshes() {
   return meshes;
 }
 
+bool same_numbers(std::span<const double> one, std::span<const double> other) {
+  return std::ranges::equal(one, other, [](double a, double b) {
+    return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b) || (std::isnan(a) && std::isnan(b));
+  });
+}
+
 tl::unexpected<Fault> other_numbers(const Device& device, const HighOrderMesh& mesh) {
+  const std::string shape(reference::info(mesh.blocks.front().shape).plural);
   return fault(Fault::Kind::BadKernels, "The device " + device.properties().name +
-                                            " computes other numbers than the processor on cells of order " +
-                                            std::to_string(mesh.order) + " in " + std::to_string(mesh.dimension) +
-                                            " dimensions. This is an error in VariMesh or in the driver; please report "
-                                            "it.");
+                                            " computes other numbers than the processor on " + shape + " of order " +
+                                            std::to_string(mesh.order) +
+                                            ". This is an error in VariMesh or in the driver; please report it.");
 }
 
 Possible<void> check_kernels(Device& device) {

@@ -76,11 +76,12 @@ class Grace {
 };
 
 /// The quality report of a run that may be stopped. `certificates` are those of `certifier` for mesh.coordinates. Not
-/// inside team.run().
+/// inside team.run(). `elsewhere` as in certified_quality.h.
 inline QualityReport report_quality(const HighOrderMesh& mesh, const Certifier& certifier,
-                                    const std::vector<Certificate>& certificates, const Team& team, Grace& grace) {
+                                    const std::vector<Certificate>& certificates, const Team& team, Grace& grace,
+                                    detail::SamplesElsewhere* elsewhere = nullptr) {
   QualityReport report;
-  grace.finish([&] { report = quality(mesh, certifier, certificates, 0, team); },
+  grace.finish([&] { report = quality(mesh, certifier, certificates, 0, team, one_rank(), elsewhere); },
                [&] { report = quick_quality(mesh, certificates, team); });
   return report;
 }

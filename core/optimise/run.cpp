@@ -17,9 +17,15 @@
 namespace varimesh {
 namespace {
 
-std::unique_ptr<const Certifier> make_certifier(const HighOrderMesh& mesh, const Team& team) {
-  std::unique_ptr<const Certifier> certifier;
-  team.run([&] { certifier = std::make_unique<const Certifier>(mesh, CertificateOptions{}, team); });
+std::unique_ptr<JudgeOnDevice> make_judge(device::RunDevice* device, int dimension) {
+  if (device == nullptr || device->get() == nullptr) return nullptr;
+  return std::make_unique<JudgeOnDevice>(*device, dimension);
+}
+
+std::unique_ptr<const Certifier> make_certifier(const HighOrderMesh& mesh, JudgeOnDevice* judge, const Team& team) {
+  std::unique_ptr<Certifier> certifier;
+  team.run([&] { certifier = std::make_unique<Certifier>(mesh, CertificateOptions{}, team); });
+  certifier->measure_with(judge);
   return certifier;
 }
 
@@ -68,7 +74,8 @@ Run::Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& contr
       control_(control),
       watch_(Stopwatch::started(std::exchange(set_up.seconds, 0))),
       team_(control.threads ? control.threads() : options_.threads),
-      certifier_(make_certifier(set_up.mesh, team_)),
+      judge_(make_judge(control.device, set_up.mesh.dimension)),
+      certifier_(make_certifier(set_up.mesh, judge_.get(), team_)),
       certificates_(certifier_->cells()),
       grace_(team_, stop, certifier_->cells()) {}
 
@@ -123,7 +130,7 @@ void Run::judge_as_it_came() {
 }
 
 QualityReport Run::judge(const HighOrderMesh& mesh) {
-  QualityReport report = report_quality(mesh, *certifier_, certificates_, team_, grace_);
+  QualityReport report = report_quality(mesh, *certifier_, certificates_, team_, grace_, judge_.get());
   if (set_up_.layers.cells > 0)
     grace_.finish([&] { report.in_layers = layer_error(mesh, set_up_.facets, team_); }, [] {});
   return report;
@@ -291,7 +298,8 @@ DescentContext Run::descent_context() {
           came_valid() && options_.target == Target::StraightSided ? &at_start_ : nullptr,
           {},
           control_.meter,
-          control_.device};
+          control_.device,
+          judge_.get()};
 }
 
 bool Run::begin_descent() {

@@ -10,6 +10,7 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/device_kernels/judge/judge_on_device.h"
 #include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
 #include "core/optimise/grace.h"
@@ -138,6 +139,7 @@ class Run {
   RunControl control_;
   Stopwatch watch_;  ///< Since the run began, set-up included.
   Team team_;
+  std::unique_ptr<JudgeOnDevice> judge_;  ///< Null: the run began without a device.
   std::unique_ptr<const Certifier> certifier_;
   std::vector<Certificate> certificates_;  ///< Of the mesh as it came, and after the stages of the result's mesh.
   Grace grace_;

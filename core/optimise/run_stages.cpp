@@ -193,7 +193,8 @@ double Run::consider() {
     guard_->certify_moved();
     bound = best_->examine(*guard_, threshold::kGapOfWorst, team_);
   });
-  if (best_->examined_is_better() && scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean >= best_->least_mean)
+  if (best_->examined_is_better() &&
+      scaled_jacobians(set_up_.mesh, best_->examined(), team_, judge_.get()).mean >= best_->least_mean)
     best_->keep_examined();
   return bound;
 }
@@ -213,7 +214,8 @@ bool Run::has_minimum_to_raise() {
     best_->examine(*guard_, threshold::kGapOfWorst, team_);
   });
   if (!best_->examined_is_valid()) return false;
-  best_->least_mean = scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean - threshold::kMeanGivenForWorst;
+  best_->least_mean =
+      scaled_jacobians(set_up_.mesh, best_->examined(), team_, judge_.get()).mean - threshold::kMeanGivenForWorst;
   best_->keep_examined();
   return true;
 }

@@ -11,12 +11,18 @@
 
 namespace varimesh {
 
+namespace detail {
+class SamplesElsewhere;
+}
+
 /// quality() without certifying again. `certificates` are those of `certifier` for mesh.coordinates, one per cell in
 /// the mesh's order. Do not call it inside team.run(). The team's token may interrupt it.
 /// @param ranks all of them have a part of the mesh, a range of its cells, and get the report on the whole, but only
 /// the first rank gets the lists of elements
+/// @param elsewhere samples the cells if it can (lattice_kernel.h); may be null
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
-                      int intervals, const Team& team, const Ranks& ranks = one_rank());
+                      int intervals, const Team& team, const Ranks& ranks = one_rank(),
+                      detail::SamplesElsewhere* elsewhere = nullptr);
 
 /// quality() of core/quality/quality.h with the team's threads. Do not call it inside team.run(). The team's token may
 /// interrupt it. `facets`: those of the mesh, if they are known and it is no surface in space.
@@ -40,7 +46,8 @@ struct ScaledJacobians {
 };
 
 /// Those of the mesh with its nodes at these coordinates (3 per node, interleaved), as in QualityReport on the default
-/// lattice.
-ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team);
+/// lattice. `elsewhere` as above.
+ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                                 detail::SamplesElsewhere* elsewhere = nullptr);
 
 }  // namespace varimesh

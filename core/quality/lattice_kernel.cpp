@@ -2,6 +2,7 @@
 #include "core/quality/lattice_kernel.h"
 
 #include <algorithm>
+#include <tuple>
 
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
@@ -11,101 +12,44 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#include "core/quality/lattice-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace varimesh::detail::lattice::HWY_NAMESPACE {
 
-namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::CappedTag<double, kMostLatticeLanes>;
-using V = hn::Vec<D>;
+static_assert(Progress::kNumbers == std::tuple_size_v<decltype(LatticeProgress::lanes)>);
 
 std::size_t Lanes() { return hn::Lanes(D()); }
 
-/// det ∇χ at one point: `gradients` is [node][direction], `x` [node][component][lane].
+/// The nodes of the cells, [node][component][lane].
 template <int kDim>
-HWY_INLINE V Determinant(const double* HWY_RESTRICT gradients, int nodes, const double* HWY_RESTRICT x) {
-  const D d;
-  const std::size_t lanes = Lanes();
-  V x0, x1, x2, g;
-  V r0 = hn::Zero(d), r1 = r0, r2 = r0, s0 = r0, s1 = r0, s2 = r0, t0 = r0, t1 = r0, t2 = r0;
-  for (int n = 0; n < nodes; ++n, x += kDim * lanes, gradients += kDim) {
-    x0 = hn::LoadU(d, x);
-    x1 = hn::LoadU(d, x + lanes);
-    g = hn::Set(d, gradients[0]);
-    r0 = hn::MulAdd(g, x0, r0);
-    r1 = hn::MulAdd(g, x1, r1);
-    g = hn::Set(d, gradients[1]);
-    s0 = hn::MulAdd(g, x0, s0);
-    s1 = hn::MulAdd(g, x1, s1);
-    if constexpr (kDim == 3) {
-      x2 = hn::LoadU(d, x + 2 * lanes);
-      s2 = hn::MulAdd(g, x2, s2);
-      r2 = hn::MulAdd(hn::Set(d, gradients[0]), x2, r2);
-      g = hn::Set(d, gradients[2]);
-      t0 = hn::MulAdd(g, x0, t0);
-      t1 = hn::MulAdd(g, x1, t1);
-      t2 = hn::MulAdd(g, x2, t2);
-    }
-  }
-  if constexpr (kDim == 2) return r0 * s1 - r1 * s0;
-  return r0 * (s1 * t2 - s2 * t1) - r1 * (s0 * t2 - s2 * t0) + r2 * (s0 * t1 - s1 * t0);
-}
-
-/// The smallest and the largest value of a sequence, and where they first occur.
-struct Range {
-  V low, high, low_at, high_at;
-
-  explicit Range(V first) : low(first), high(first), low_at(hn::Zero(D())), high_at(hn::Zero(D())) {}
-  HWY_INLINE void add(V value, double at) {
-    const auto lower = hn::Lt(value, low), higher = hn::Gt(value, high);
-    low = hn::IfThenElse(lower, value, low);
-    high = hn::IfThenElse(higher, value, high);
-    low_at = hn::IfThenElse(lower, hn::Set(D(), at), low_at);
-    high_at = hn::IfThenElse(higher, hn::Set(D(), at), high_at);
+struct Nodes {
+  const double* HWY_RESTRICT x;
+  HWY_INLINE V operator()(int n, int c) const {
+    return hn::LoadU(D(), x + static_cast<std::size_t>(n * kDim + c) * hn::Lanes(D()));
   }
 };
-
-/// LatticeProgress in vectors.
-struct Progress {
-  V sum;
-  Range jacobian, straight, distortion;
-
-  explicit Progress(V first) : sum(first), jacobian(first), straight(first), distortion(first) {}
-  explicit Progress(const LatticeProgress& from) : Progress(hn::LoadU(D(), from.lanes[0].data())) {
-    V* const to[] = {&jacobian.low, &jacobian.high, &jacobian.low_at, &jacobian.high_at,
-                     &straight.low, &straight.high, &distortion.low,  &distortion.high};
-    for (std::size_t i = 0; i < 8; ++i) *to[i] = hn::LoadU(D(), from.lanes[i + 1].data());
+struct TakeUp {
+  const LatticeProgress& from;
+  HWY_INLINE void operator()(int number, V& value) const {
+    value = hn::LoadU(D(), from.lanes[static_cast<std::size_t>(number)].data());
   }
-  void keep(LatticeProgress& out) const {
-    const V from[] = {sum,          jacobian.low,  jacobian.high,  jacobian.low_at, jacobian.high_at,
-                      straight.low, straight.high, distortion.low, distortion.high};
-    for (std::size_t i = 0; i < 9; ++i) hn::StoreU(from[i], D(), out.lanes[i].data());
+};
+struct Keep {
+  LatticeProgress& to;
+  HWY_INLINE void operator()(int number, const V& value) const {
+    hn::StoreU(value, D(), to.lanes[static_cast<std::size_t>(number)].data());
   }
 };
 
 template <int kDim>
-void Sample(const LatticeTable& table, const LatticeRows& rows, const double* HWY_RESTRICT x, LatticeProgress& out) {
-  const int nodes = table.nodes(), vertices = table.vertices();
-  const std::size_t row = static_cast<std::size_t>(nodes) * kDim;
-  const std::size_t straight_row = static_cast<std::size_t>(vertices) * kDim;
-  Progress progress = rows.first == 0 ? Progress(Determinant<kDim>(rows.gradients.data(), nodes, x)) : Progress(out);
-  for (std::size_t i = 0; i < rows.count; ++i) {
-    const std::size_t p = rows.first + i;
-    const V J = p == 0 ? progress.sum : Determinant<kDim>(rows.gradients.data() + i * row, nodes, x);
-    if (p > 0) {
-      progress.sum = progress.sum + J;
-      progress.jacobian.add(J, static_cast<double>(p));
-    }
-    if (vertices == 0) continue;
-    const V J_straight = Determinant<kDim>(rows.straight.data() + i * straight_row, vertices, x);
-    const V quotient = J / J_straight;
-    if (p == 0) {
-      progress.straight = Range(J_straight);
-      progress.distortion = Range(quotient);
-    }
-    progress.straight.add(J_straight, 0);
-    progress.distortion.add(quotient, 0);
-  }
-  progress.keep(out);
+void Sample(const LatticeTable& table, const LatticeRows& rows, const double* x, LatticeProgress& out) {
+  Progress progress(hn::Zero(D()));
+  progress.visit(TakeUp{out});
+  SamplePoints<kDim>({static_cast<std::int64_t>(rows.first), static_cast<std::int64_t>(rows.count),
+                      rows.gradients.data(), rows.straight.data(), table.nodes(), table.vertices()},
+                     Nodes<kDim>{x}, progress);
+  progress.visit(Keep{out});
 }
 
 void Kernel(const LatticeTable& table, const LatticeRows& rows, const double* x, LatticeProgress& progress) {

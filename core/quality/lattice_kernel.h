@@ -4,9 +4,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/base/index.h"
+#include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/reference/basis.h"
 
@@ -86,5 +88,15 @@ void sample_rows(const LatticeTable& table, const LatticeRows& rows, const Latti
 
 /// The extremes of the batch's cells, once all ranges were sampled.
 void finish_samples(const LatticeTable& table, const LatticeProgress& progress, std::size_t cells, Extremes* out);
+
+/// Samples the cells of a mesh elsewhere than on the processor.
+class SamplesElsewhere {
+ public:
+  virtual ~SamplesElsewhere() = default;
+  /// Samples all cells with their nodes at `coordinates` (HighOrderMesh::coordinates). `cells` has one entry per cell
+  /// of the mesh. Returns false if it cannot: the processor then has to. The team's token may interrupt it.
+  virtual bool sample(const HighOrderMesh& mesh, std::span<const double> coordinates, int intervals, const Team& team,
+                      std::vector<Extremes>& cells) = 0;
+};
 
 }  // namespace varimesh::detail

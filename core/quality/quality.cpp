@@ -75,8 +75,9 @@ void sample_batches(std::span<const double> coordinates, const LatticeTable& tab
 }
 
 /// @param coordinates of the nodes, as HighOrderMesh::coordinates
+/// @param elsewhere   samples the cells if it can; may be null
 Samples sample(const HighOrderMesh& mesh, std::span<const double> coordinates, int intervals, const Team& team,
-               const Ranks& ranks = one_rank()) {
+               const Ranks& ranks = one_rank(), detail::SamplesElsewhere* elsewhere = nullptr) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   Samples samples;
   samples.intervals = intervals > 0 ? intervals : report_intervals(mesh.order);
@@ -84,7 +85,10 @@ Samples sample(const HighOrderMesh& mesh, std::span<const double> coordinates, i
   const std::size_t lanes = detail::lattice_lanes();
   samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
   team.run([&] {
-    team.for_ranges(samples.batches.size(), kBatchesPerTask, [&](std::size_t begin, std::size_t end) {
+    const bool is_done =
+        elsewhere != nullptr && elsewhere->sample(mesh, coordinates, samples.intervals, team, samples.cells);
+    const std::size_t left = is_done ? 0 : samples.batches.size();
+    team.for_ranges(left, kBatchesPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t last = begin; begin != end; begin = last) {
         const ElementBlock& block = *samples.batches[begin].block;
         while (last != end && last - begin < kBatchesPerTask && samples.batches[last].block == &block) ++last;
@@ -97,8 +101,8 @@ Samples sample(const HighOrderMesh& mesh, std::span<const double> coordinates, i
   return samples;
 }
 
-Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team, const Ranks& ranks = one_rank()) {
-  return sample(mesh, mesh.coordinates, intervals, team, ranks);
+Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
+  return sample(mesh, mesh.coordinates, intervals, team);
 }
 
 /// The ratio of det F. If a valid cell is inverted with straight sides, det F says nothing about it, and the ratio is
@@ -293,8 +297,10 @@ CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) {
   return cell_quality(sample(mesh, 0, team), team);
 }
 
-ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
-  const std::vector<double> of_cells = cell_quality(sample(mesh, coordinates, 0, team), team).scaled_jacobian;
+ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                                 detail::SamplesElsewhere* elsewhere) {
+  const std::vector<double> of_cells =
+      cell_quality(sample(mesh, coordinates, 0, team, one_rank(), elsewhere), team).scaled_jacobian;
   ScaledJacobians out{1, 0};
   if (of_cells.empty()) return out;
   team.run([&] {
@@ -305,8 +311,8 @@ ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const doub
 }
 
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
-                      int intervals, const Team& team, const Ranks& ranks) {
-  const Samples samples = sample(mesh, intervals, team, ranks);
+                      int intervals, const Team& team, const Ranks& ranks, detail::SamplesElsewhere* elsewhere) {
+  const Samples samples = sample(mesh, mesh.coordinates, intervals, team, ranks, elsewhere);
   QualityReport report;
   team.run([&] { report = report_on(mesh, samples, certificates, team, ranks); });
   report.accuracy = accuracy(mesh, team, ranks);

@@ -5,8 +5,8 @@
 #include <limits>
 #include <type_traits>
 
+#include "core/validity/formulas/rounding_bound-inl.h"
 #include "core/validity/rounding.h"
-#include "core/validity/rounding_bound-inl.h"
 
 namespace varimesh::detail {
 namespace {

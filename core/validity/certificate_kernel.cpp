@@ -13,14 +13,11 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
-#include "core/validity/rounding_bound-inl.h"
+#include "core/validity/formulas/coefficients-inl.h"
+#include "core/validity/formulas/rounding_bound-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh::detail::HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::CappedTag<double, kMostLanes>;
-using V = hn::Vec<D>;
 
 std::size_t Lanes() { return hn::Lanes(D()); }
 
@@ -71,25 +68,18 @@ void Gather(const KernelInput& input, std::size_t lanes, double* out) {
   }
 }
 
-/// Scaled coefficients of χ: the sparse matrix times the coordinates.
+Entries entries(const std::vector<std::uint32_t>& start, int row) {
+  return {start[static_cast<std::size_t>(row)], start[static_cast<std::size_t>(row) + 1]};
+}
+const std::uint16_t* pairs(const Convolution& terms) { return terms.pairs.data()->data(); }
+
+/// Scaled coefficients of χ.
 template <int kDim>
 void Convert(const JacobianTable& table, const double* HWY_RESTRICT nodes, double* HWY_RESTRICT map) {
-  const D d;
   const std::size_t lanes = Lanes();
-  for (int row = 0; row < table.map.size(); ++row) {
-    V x = hn::Zero(d), y = x, z = x;
-    for (std::uint32_t e = table.row_start[row]; e < table.row_start[row + 1]; ++e) {
-      const V value = hn::Set(d, table.value[e]);
-      const double* at = nodes + table.column[e] * kDim * lanes;
-      x = hn::MulAdd(value, hn::Load(d, at), x);
-      y = hn::MulAdd(value, hn::Load(d, at + lanes), y);
-      if constexpr (kDim == 3) z = hn::MulAdd(value, hn::Load(d, at + 2 * lanes), z);
-    }
-    double* to = map + row * kDim * lanes;
-    hn::Store(x, d, to);
-    hn::Store(y, d, to + lanes);
-    if constexpr (kDim == 3) hn::Store(z, d, to + 2 * lanes);
-  }
+  for (int row = 0; row < table.map.size(); ++row)
+    ConvertRow<kDim>(table.value.data(), table.column.data(), entries(table.row_start, row), nodes, lanes,
+                     map + row * kDim * lanes);
 }
 
 /// Scaled coefficients of g_r, and the largest control point of each component.
@@ -102,13 +92,11 @@ void Differentiate(const JacobianTable& table, int r, const double* HWY_RESTRICT
   for (V& m : most) m = hn::Zero(d);
   const auto& differences = table.difference[r];
   for (std::size_t i = 0; i < differences.size(); ++i) {
-    const Difference& difference = differences[i];
-    const V plus = hn::Set(d, difference.plus_weight), minus = hn::Set(d, difference.minus_weight);
+    const Difference& one = differences[i];
     const V reciprocal = hn::Set(d, table.derivative_reciprocal[r][i]);
     for (int c = 0; c < kDim; ++c) {
-      const V a = hn::Load(d, map + (difference.plus * kDim + c) * lanes);
-      const V b = hn::Load(d, map + (difference.minus * kDim + c) * lanes);
-      const V g = hn::NegMulAdd(minus, b, hn::Mul(plus, a));
+      const V g = DifferenceOf(one.plus_weight, map + (one.plus * kDim + c) * lanes, one.minus_weight,
+                               map + (one.minus * kDim + c) * lanes);
       hn::Store(g, d, derivative + (i * kDim + c) * lanes);
       most[c] = hn::Max(most[c], hn::Mul(hn::Abs(g), reciprocal));
     }
@@ -119,45 +107,9 @@ void Differentiate(const JacobianTable& table, int r, const double* HWY_RESTRICT
 /// g_1 × g_2 in scaled coefficients.
 void Cross(const JacobianTable& table, const double* HWY_RESTRICT a, const double* HWY_RESTRICT b,
            double* HWY_RESTRICT cross) {
-  const D d;
   const std::size_t lanes = Lanes();
-  for (int k = 0; k < table.cross.size(); ++k) {
-    V x = hn::Zero(d), y = x, z = x;
-    for (std::uint32_t e = table.cross_terms.start[k]; e < table.cross_terms.start[k + 1]; ++e) {
-      const double* p = a + table.cross_terms.pairs[e][0] * 3 * lanes;
-      const double* q = b + table.cross_terms.pairs[e][1] * 3 * lanes;
-      const V px = hn::Load(d, p), py = hn::Load(d, p + lanes), pz = hn::Load(d, p + 2 * lanes);
-      const V qx = hn::Load(d, q), qy = hn::Load(d, q + lanes), qz = hn::Load(d, q + 2 * lanes);
-      x = hn::NegMulAdd(pz, qy, hn::MulAdd(py, qz, x));
-      y = hn::NegMulAdd(px, qz, hn::MulAdd(pz, qx, y));
-      z = hn::NegMulAdd(py, qx, hn::MulAdd(px, qy, z));
-    }
-    hn::Store(x, d, cross + k * 3 * lanes);
-    hn::Store(y, d, cross + (k * 3 + 1) * lanes);
-    hn::Store(z, d, cross + (k * 3 + 2) * lanes);
-  }
-}
-
-/// Scaled coefficient k of J.
-template <int kDim>
-V Coefficient(const JacobianTable& table, int k, const double* HWY_RESTRICT a, const double* HWY_RESTRICT b) {
-  const D d;
-  const std::size_t lanes = Lanes();
-  V sum = hn::Zero(d), second = sum;  // two chains: in a single one each sum waits for the last
-  for (std::uint32_t e = table.jacobian_terms.start[k]; e < table.jacobian_terms.start[k + 1]; ++e) {
-    const double* p = a + table.jacobian_terms.pairs[e][0] * kDim * lanes;
-    const double* q = b + table.jacobian_terms.pairs[e][1] * kDim * lanes;
-    if constexpr (kDim == 2) {
-      sum = hn::MulAdd(hn::Load(d, p), hn::Load(d, q + lanes), sum);
-      second = hn::NegMulAdd(hn::Load(d, p + lanes), hn::Load(d, q), second);
-    } else {
-      V& chain = (e & 1) != 0 ? second : sum;
-      chain = hn::MulAdd(hn::Load(d, p), hn::Load(d, q), chain);
-      chain = hn::MulAdd(hn::Load(d, p + lanes), hn::Load(d, q + lanes), chain);
-      chain = hn::MulAdd(hn::Load(d, p + 2 * lanes), hn::Load(d, q + 2 * lanes), chain);
-    }
-  }
-  return hn::Add(sum, second);
+  for (int k = 0; k < table.cross.size(); ++k)
+    CrossRow(pairs(table.cross_terms), entries(table.cross_terms.start, k), a, b, lanes, cross + k * 3 * lanes);
 }
 
 /// Largest absolute coordinate of each component. `probe` is NaN if a coordinate is not finite, else 0.
@@ -222,7 +174,8 @@ void Run(const KernelInput& input, std::vector<double>& workspace, KernelOutput&
   const double* right = kDim == 3 ? arrays.cross : arrays.derivative[1];
   V least = hn::Set(d, std::numeric_limits<double>::max()), greatest = hn::Neg(least);
   for (int k = 0; k < table.jacobian.size(); ++k) {
-    const V scaled = Coefficient<kDim>(table, k, arrays.derivative[0], right);
+    const V scaled = Coefficient<kDim>(pairs(table.jacobian_terms), entries(table.jacobian_terms.start, k),
+                                       arrays.derivative[0], right, lanes);
     const V value = hn::Mul(scaled, hn::Set(d, table.jacobian_reciprocal[k] * input.sign));
     hn::Store(value, d, arrays.jacobian + k * lanes);
     least = hn::Min(least, value);
@@ -234,6 +187,32 @@ void Run(const KernelInput& input, std::vector<double>& workspace, KernelOutput&
     hn::StoreU(hn::Load(d, arrays.jacobian + table.corners[k] * lanes), d, output.corner[k].data());
   output.coefficients = arrays.jacobian;
   hn::StoreU(Error<kDim>(table, measure), d, output.error.data());
+}
+
+/// The output for cells that were measured elsewhere.
+template <int kDim>
+void Judge(const JacobianTable& table, const double* measures, std::size_t stride, std::size_t cells,
+           KernelOutput& output) {
+  constexpr std::size_t kSizes = kDim * kDim + kDim + 1;
+  HWY_ALIGN double measure[13 * kMostLanes];
+  const std::size_t lanes = Lanes();
+  const auto take = [&](std::size_t number, double* to) {
+    for (std::size_t lane = 0; lane < lanes; ++lane) to[lane] = measures[number * stride + std::min(lane, cells - 1)];
+  };
+  for (std::size_t i = 0; i < kSizes; ++i) take(i, measure + i * lanes);
+  take(kSizes, output.least.data());
+  take(kSizes + 1, output.greatest.data());
+  for (std::size_t k = 0; k < table.corners.size(); ++k) take(kSizes + 2 + k, output.corner[k].data());
+  output.coefficients = nullptr;
+  hn::StoreU(Error<kDim>(table, measure), D(), output.error.data());
+}
+
+void JudgeMeasures(const JacobianTable& table, const double* measures, std::size_t stride, std::size_t cells,
+                   KernelOutput& output) {
+  if (table.dimension == 2)
+    Judge<2>(table, measures, stride, cells, output);
+  else
+    Judge<3>(table, measures, stride, cells, output);
 }
 
 void Kernel(const KernelInput& input, std::vector<double>& workspace, KernelOutput& output) {
@@ -250,12 +229,18 @@ HWY_AFTER_NAMESPACE();
 namespace varimesh::detail {
 
 HWY_EXPORT(Kernel);
+HWY_EXPORT(JudgeMeasures);
 HWY_EXPORT(Lanes);
 
 std::size_t kernel_lanes() { return HWY_DYNAMIC_DISPATCH(Lanes)(); }
 
 void bernstein_kernel(const KernelInput& input, std::vector<double>& workspace, KernelOutput& output) {
   HWY_DYNAMIC_DISPATCH(Kernel)(input, workspace, output);
+}
+
+void judge_measures(const JacobianTable& table, const double* measures, std::size_t stride, std::size_t cells,
+                    KernelOutput& output) {
+  HWY_DYNAMIC_DISPATCH(JudgeMeasures)(table, measures, stride, cells, output);
 }
 
 }  // namespace varimesh::detail

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/base/index.h"
 #include "core/base/reduction.h"
 #include "core/base/shared_work.h"
 #include "core/validity/cell_batches.h"
@@ -22,6 +23,8 @@ using detail::CellToCertify;
 constexpr std::size_t kGrain = 64;
 constexpr std::size_t kCellsPerTask = 16384;
 constexpr std::size_t kCellsPerChunk = 1024;  // that are searched for the lowest
+/// Cells are measured elsewhere if they are at least one in this many: the coordinates of all nodes go there first.
+constexpr std::size_t kShareElsewhere = 8;
 
 /// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
 double power_of_two_scale(const BoundingBox& box) {
@@ -62,6 +65,37 @@ bool certify_lane(const CellToCertify& cell, const detail::KernelOutput& output,
   detail::set_bounds(cell, lower, greatest, highest - error, certificate);
   if (invalid) certificate.place = detail::physical_place(cell, cell.table->corner_at[lowest_corner]);
   return true;
+}
+
+/// Cells that were measured elsewhere.
+struct Measured {
+  const detail::JacobianTable& table;
+  std::span<const double> coordinates;
+  std::span<const std::int32_t* const> nodes;
+  double scale, sign;
+};
+
+/// Certifies those for which their measures are enough, and sets their entries of `is_certified`.
+/// @param numbers  of the cells, which are numbers in `certificates`
+void certify_measured(const Measured& cells, std::span<const double> measures, double gap,
+                      std::span<const std::int32_t> numbers, std::span<Certificate> certificates,
+                      std::span<char> is_certified, const Team& team) {
+  constexpr std::size_t kBatch = detail::kMeasuredTogether;
+  const std::size_t batch_size = detail::measures_of(cells.table) * kBatch, count = cells.nodes.size();
+  const std::size_t lanes = std::min(detail::kernel_lanes(), kBatch);
+  team.for_ranges((count + kBatch - 1) / kBatch, kGrain, [&](std::size_t begin, std::size_t end) {
+    detail::KernelOutput output;
+    for (std::size_t first = begin * kBatch; first < std::min(end * kBatch, count); first += lanes) {
+      const double* const own = measures.data() + first / kBatch * batch_size + first % kBatch;
+      const std::size_t together = std::min(lanes, count - first);
+      detail::judge_measures(cells.table, own, kBatch, together, output);
+      for (std::size_t lane = 0; lane < together; ++lane) {
+        const std::size_t i = first + lane;
+        const CellToCertify cell{&cells.table, cells.coordinates.data(), cells.nodes[i], cells.scale, cells.sign};
+        is_certified[i] = certify_lane(cell, output, lane, gap, certificates[at(numbers[i])]) ? 1 : 0;
+      }
+    }
+  });
 }
 
 /// The coefficients of the cell in one lane, and the bound on their error.
@@ -148,9 +182,48 @@ std::vector<char> Certifier::sound_with_straight_sides(std::span<const double> c
 void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                         std::span<Certificate> certificates, const Team& team) const {
   assert(certificates.size() == cells_.size());
+  std::vector<std::int32_t> left;
+  if (elsewhere_ != nullptr && cells.size() >= cells_.size() / kShareElsewhere) {
+    left = certify_elsewhere(coordinates, cells, certificates, team);
+    cells = left;
+  }
   team.for_ranges(cells.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     certify_on_one_thread(coordinates, cells.subspan(begin, end - begin), certificates, team.stop());
   });
+}
+
+/// Measures the cells elsewhere and certifies those for which that is enough. Returns the others.
+std::vector<std::int32_t> Certifier::certify_elsewhere(std::span<const double> coordinates,
+                                                       std::span<const std::int32_t> cells,
+                                                       std::span<Certificate> certificates, const Team& team) const {
+  const struct Forgets {
+    detail::MeasuresElsewhere& elsewhere;
+    ~Forgets() { elsewhere.forget(); }
+  } forgets{*elsewhere_};
+  bool is_well = elsewhere_->take(coordinates);
+  std::vector<std::int32_t> left;
+  std::vector<double> measures;
+  std::vector<const std::int32_t*> nodes;
+  std::vector<char> is_certified;
+  for (std::size_t first = 0, last = 0; first < cells.size(); first = last) {
+    team.look();
+    const ElementBlock& block = *cells_[at(cells[first])].block;
+    const auto is_alike = [&](const Cell& cell) {
+      return cell.block->shape == block.shape && cell.block->order == block.order;
+    };
+    nodes.clear();
+    for (; last < cells.size() && last - first < kCellsPerTask && is_alike(cells_[at(cells[last])]); ++last)
+      nodes.push_back(cells_[at(cells[last])].nodes);
+    const detail::JacobianTable& table = detail::jacobian_table(block.shape, block.order);
+    is_certified.assign(nodes.size(), 0);
+    is_well = is_well && elsewhere_->measure({&table, scale_, sign_, nodes}, measures);
+    if (is_well)
+      certify_measured({table, coordinates, nodes, scale_, sign_}, measures, options_.gap, cells.subspan(first),
+                       certificates, is_certified, team);
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      if (is_certified[i] == 0) left.push_back(cells[first + i]);
+  }
+  return left;
 }
 
 void Certifier::certify(std::span<const double> coordinates, std::span<Certificate> certificates,

@@ -13,6 +13,10 @@
 
 namespace varimesh {
 
+namespace detail {
+class MeasuresElsewhere;
+}
+
 /// Certifies the cells of one mesh, as often as its nodes move.
 ///
 /// The method is that of A. Johnen, J.-F. Remacle, C. Geuzaine, Geometrical validity of curvilinear finite elements,
@@ -35,6 +39,10 @@ class Certifier {
 
   /// How closely sharpen() finds the mesh's minimum if not told otherwise.
   static constexpr double kMinimumGap = 0.002;
+
+  /// Lets certify() measure many cells elsewhere (certificate_kernel.h) before it decides. The bound on rounding, and
+  /// all that the first look leaves open, stay on the processor. `elsewhere` may be null, and must outlive the object.
+  void measure_with(detail::MeasuresElsewhere* elsewhere) { elsewhere_ = elsewhere; }
 
   /// The number of cells of the mesh.
   std::size_t cells() const { return cells_.size(); }
@@ -74,12 +82,15 @@ class Certifier {
                            const StopToken* stop, const Visit& visit) const;
   void certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                              std::span<Certificate> certificates, const StopToken* stop) const;
+  std::vector<std::int32_t> certify_elsewhere(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                                              std::span<Certificate> certificates, const Team& team) const;
 
   CertificateOptions options_;
   std::vector<Cell> cells_;
   std::vector<std::int32_t> all_;  // 0, 1, 2, …
   double scale_ = 1;               // a power of two
   double sign_ = 1;                // −1 if the mesh is numbered clockwise
+  detail::MeasuresElsewhere* elsewhere_ = nullptr;
 };
 
 }  // namespace varimesh

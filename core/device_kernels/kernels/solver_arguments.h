@@ -24,6 +24,7 @@ struct VectorArguments {
   float* direction = nullptr;
   float* product = nullptr;
   double* gradient = nullptr;
+  double* start = nullptr;              ///< Where the step begins. It may be the memory of the gradient.
   double* positions = nullptr;          ///< Of all nodes.
   const std::int32_t* free = nullptr;   ///< Free nodes among all nodes.
   const float* inverse_size = nullptr;  ///< By free node: Problem::inverse_size.

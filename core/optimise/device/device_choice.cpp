@@ -52,7 +52,8 @@ void DeviceOfRun::tell(std::string& device, std::vector<std::string>& notes) con
   else if (is_demanded_ && !why_not_.empty())
     notes.push_back(where + why_not_);
   else if (is_demanded_ && !has_begun)
-    notes.emplace_back("The run made no step of Newton's method, so the device was not used.");
+    notes.emplace_back(
+        "The run made no step of Newton's method, so the device was used for certificates and quality at most.");
 }
 
 }  // namespace varimesh

@@ -13,6 +13,7 @@
 #include "core/quality/certified_quality.h"
 #include "core/solvers/descent/has_loss.h"
 #include "core/solvers/descent/loss_around.h"
+#include "core/solvers/descent/on_device/device_loss.h"
 #include "core/solvers/maxmin/kept_raiser.h"
 
 namespace varimesh {
@@ -134,7 +135,8 @@ bool Descent::lowers(const Merit& merit, std::span<const double> coordinates) co
   // To sample the mesh takes long, and no sample is below what is proved.
   if (!context_.least || merit.smallest >= std::min(threshold::kWanted, context_.least->min_scaled_jacobian))
     return false;
-  return costs_shape(merit_of(scaled_jacobians(context_.mesh, coordinates, team_)), merit_of(*context_.least));
+  return costs_shape(merit_of(scaled_jacobians(context_.mesh, coordinates, team_, context_.samples)),
+                     merit_of(*context_.least));
 }
 
 Descent::State Descent::state_as_it_came() const {

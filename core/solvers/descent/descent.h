@@ -9,7 +9,6 @@
 
 #include "core/base/team.h"
 #include "core/base/work_meter.h"
-#include "core/device/run_device.h"
 #include "core/energy/material.h"
 #include "core/merit/merit.h"
 #include "core/quality/quality.h"
@@ -18,13 +17,21 @@
 #include "core/solvers/descent/form/order_levels.h"
 #include "core/solvers/descent/form/order_space.h"
 #include "core/solvers/descent/loss_objective.h"
-#include "core/solvers/descent/on_device/device_loss.h"
 #include "core/solvers/guard/guard.h"
 #include "core/solvers/newton_method.h"
 #include "core/terms/cell_energy.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
+
+class DeviceLoss;
+namespace device {
+class RunDevice;
+struct Fault;
+}  // namespace device
+namespace detail {
+class SamplesElsewhere;
+}
 
 /// What a descent works with. All of it outlives the descent.
 struct DescentContext {
@@ -46,6 +53,8 @@ struct DescentContext {
   WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
   /// Makes the steps, as long as it is used; may be null, or without a device.
   device::RunDevice* device = nullptr;
+  /// Samples cells (certified_quality.h); may be null.
+  detail::SamplesElsewhere* samples = nullptr;
 };
 
 /// What one round did.
@@ -90,6 +99,9 @@ class Descent {
   /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
   /// The team's token may interrupt all of them.
   explicit Descent(const DescentContext& context);
+  Descent(const Descent&) = delete;
+  Descent& operator=(const Descent&) = delete;
+  ~Descent();
 
   /// Takes the mesh as it is for the best, or the mesh as it came, if it was valid and the energy has raised its loss.
   /// Call it before the first round. False if there is no loss to lower: the elements are straight-sided, or the mesh

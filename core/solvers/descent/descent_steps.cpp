@@ -2,7 +2,9 @@
 #include <optional>
 #include <utility>
 
+#include "core/device/run_device.h"
 #include "core/solvers/descent/descent.h"
+#include "core/solvers/descent/on_device/device_loss.h"
 
 namespace varimesh {
 namespace {
@@ -48,6 +50,8 @@ void Descent::minimise(DescentRound& round) {
   }
   round.residual = objective_.largest_from(accepted_);
 }
+
+Descent::~Descent() = default;
 
 void Descent::begin_on_device() {
   try {

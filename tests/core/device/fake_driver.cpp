@@ -99,6 +99,7 @@ std::span<const CpuKernel> kernels_of(std::string_view text) {
   namespace device = varimesh::device;
   if (const auto dimension = mark(text, "solver_dimension")) return device::solver_kernels(*dimension).cpu;
   if (const auto dimension = mark(text, "descent_dimension")) return device::descent_kernels(*dimension).cpu;
+  if (const auto dimension = mark(text, "judge_dimension")) return device::judge_kernels(*dimension).cpu;
   if (const auto dimension = mark(text, "any_cells")) {
     for (const varimesh::NamedMaterial& one : varimesh::every_material())
       if (device::energy_number(*dimension, one.material) == mark(text, "energy_number"))

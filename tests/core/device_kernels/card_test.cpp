@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <limits>
 
 #include "core/device/cpu_device.h"
 #include "core/device_kernels/cell_modules.h"
@@ -78,6 +79,15 @@ TEST_F(CellsOnACard, FailWithASentenceAndLeaveTheProblemWhole) {
     EXPECT_EQ(problem_.positions, positions);
     EXPECT_TRUE(gradient(*make_cpu_device()));
   }
+}
+
+TEST(SameNumbers, AreTheSameBitsOrAnyNan) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<double> one{1, nan, 0}, other_nan{1, -nan, 0}, other_zero{1, nan, -0.0}, shorter{1, nan};
+  EXPECT_TRUE(same_numbers(one, one));
+  EXPECT_TRUE(same_numbers(one, other_nan));
+  EXPECT_FALSE(same_numbers(one, other_zero));
+  EXPECT_FALSE(same_numbers(one, shorter));
 }
 
 TEST_F(CellsOnACard, AreThoseOfTheProcessorForEveryEnergy) {

@@ -74,7 +74,8 @@ def words(kernel, kind):
 class Modules(unittest.TestCase):
     def test_there_are_all_kinds_and_energies_with_all_kernels(self):
         kinds, energies, solvers = [], [], []
-        lists = {"solver_dimension": "solver_kernels.h", "descent_dimension": "descent/kernels.h"}
+        lists = {"solver_dimension": "solver_kernels.h", "descent_dimension": "descent/kernels.h",
+                 "judge_dimension": "judge/kernels.h"}
         sums = {"add_up_gradients", "add_up_products", "keep_cell_gradients", "along_cell_gradients", "add_norm_terms"}
         for _, text, kernels in modules():
             if number(text, "cell_kind"):
@@ -156,6 +157,21 @@ class Modules(unittest.TestCase):
             self.assertGreater(fused, 0)
             self.assertEqual(fused % (4 * d), 0)
             self.assertEqual(words(kernel, "ld.global"), fused // (4 * d) * (4 + d), module)
+
+    def test_load_each_number_of_a_term_once(self):
+        """A term of a coefficient of J and of those before it: as many loads for each copy of the loop."""
+        modules_of_judge = [entry for entry in modules() if entry[0].startswith("judge")]
+        self.assertEqual(len(modules_of_judge), 2)
+        for module, _, kernels in modules_of_judge:
+            d = int(module[-2])
+            # For each kernel: fused multiplications and loads of a term, and loads besides.
+            expected = {"convert": (d, 1 + d, 0), "cross": (6, 6, 0), "coefficients": (d, 2 * d, 1)}
+            for name, (fused_of_term, loads_of_term, others) in expected.items():
+                fused = sum(count for kind, count in kernels[name].kinds.items() if kind.startswith("fma.rn.f64"))
+                self.assertGreater(fused, 0)
+                self.assertEqual(fused % fused_of_term, 0)
+                loads = words(kernels[name], "ld.global.f64")
+                self.assertEqual(loads, fused // fused_of_term * loads_of_term + others, (module, name))
 
     def test_do_not_spill_by_nvidias_assembler(self):
         ptxas = shutil.which("ptxas")

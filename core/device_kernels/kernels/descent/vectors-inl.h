@@ -1,5 +1,5 @@
 // Vectors of the descent over the free nodes, in double precision: each function is one thread, for one number or one
-// node.
+// node. Those that Newton's method on the energy has too are in kernels/vectors-inl.h.
 #if defined(VARIMESH_DEVICE_DESCENT_VECTORS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_DEVICE_DESCENT_VECTORS_INL_H
 #undef VARIMESH_DEVICE_DESCENT_VECTORS_INL_H
@@ -84,86 +84,23 @@ HWY_INLINE double add_up_product(const LossArguments& a, std::int64_t node) {
   return along;
 }
 
-/// x ← x + α p, r ← r − α q
-HWY_INLINE void advance(const LossArguments& a, std::int64_t i) {
-  if (i >= a.count) return;
-  a.step[i] = __builtin_fma(a.factor, a.direction[i], a.step[i]);
-  a.residual[i] = __builtin_fma(-a.factor, a.product[i], a.residual[i]);
-}
-
-/// p ← q + β p; p ← q if β is 0
-HWY_INLINE void turn(const LossArguments& a, std::int64_t i) {
-  if (i < a.count)
-    a.direction[i] = a.factor == 0 ? a.product[i] : __builtin_fma(a.factor, a.direction[i], a.product[i]);
-}
-
-/// x ← p
-HWY_INLINE void take_direction(const LossArguments& a, std::int64_t i) {
-  if (i < a.count) a.step[i] = a.direction[i];
-}
-
-/// p ← r
-HWY_INLINE void keep_residual(const LossArguments& a, std::int64_t i) {
-  if (i < a.count) a.direction[i] = a.residual[i];
-}
-
 /// r ← r − p
 HWY_INLINE void subtract_kept(const LossArguments& a, std::int64_t i) {
   if (i < a.count) a.residual[i] = a.residual[i] - a.direction[i];
 }
 
-// ===== Sizes and the step =====
-
-HWY_INLINE double square_of_gradient(const LossArguments& a, std::int64_t i) {
-  return i < a.count ? a.gradient[i] * a.gradient[i] : 0.0;
-}
-
-/// Its part of g · x.
-HWY_INLINE double along_step(const LossArguments& a, std::int64_t i) {
-  return i < a.count ? a.gradient[i] * a.step[i] : 0.0;
-}
-
-/// The square of a node's displacement, in units of the size of the cells around it.
-template <int d>
-HWY_INLINE double relative_square(const LossArguments& a, const double* displacements, std::int64_t node) {
-  if (node >= a.count) return 0;
-  double square = 0;
-  VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-    square = __builtin_fma(displacements[node * d + k], displacements[node * d + k], square);
-  }
-  const double inverse = static_cast<double>(a.inverse_size[node]);
-  return square * inverse * inverse;
-}
-template <int d>
-HWY_INLINE double size_of_step(const LossArguments& a, std::int64_t node) {
-  return relative_square<d>(a, a.step, node);
-}
-template <int d>
-HWY_INLINE double size_of_product(const LossArguments& a, std::int64_t node) {
-  return relative_square<d>(a, a.product, node);
-}
-
-/// Keeps the positions of a free node.
-template <int d>
-HWY_INLINE void keep_start(const LossArguments& a, std::int64_t node) {
-  if (node >= a.count) return;
-  VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-    a.start[node * d + k] = a.positions[static_cast<std::int64_t>(a.free[node]) * d + k];
-  }
-}
-
-/// Puts a free node to its start plus the factor times the step.
-template <int d>
-HWY_INLINE void place(const LossArguments& a, std::int64_t node) {
-  if (node >= a.count) return;
-  VARIMESH_UNROLLED for (int k = 0; k < d; ++k) {
-    a.positions[static_cast<std::int64_t>(a.free[node]) * d + k] =
-        __builtin_fma(a.factor, a.step[node * d + k], a.start[node * d + k]);
-  }
-}
-
 using ::varimesh::HWY_NAMESPACE::add_parts;
+using ::varimesh::HWY_NAMESPACE::advance;
+using ::varimesh::HWY_NAMESPACE::along_step;
+using ::varimesh::HWY_NAMESPACE::keep_residual;
+using ::varimesh::HWY_NAMESPACE::keep_start;
 using ::varimesh::HWY_NAMESPACE::largest_part;
+using ::varimesh::HWY_NAMESPACE::place;
+using ::varimesh::HWY_NAMESPACE::size_of_product;
+using ::varimesh::HWY_NAMESPACE::size_of_step;
+using ::varimesh::HWY_NAMESPACE::square_of_gradient;
+using ::varimesh::HWY_NAMESPACE::take_direction;
+using ::varimesh::HWY_NAMESPACE::turn;
 
 }  // namespace descent
 }  // namespace HWY_NAMESPACE

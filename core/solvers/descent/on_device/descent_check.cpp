@@ -81,7 +81,7 @@ device::Possible<void> check_descent(device::Device& device) {
     const auto ours = results(device, problem, wave), theirs = results(*cpu, problem, wave);
     if (!ours) return tl::unexpected(ours.error());
     if (!theirs) return tl::unexpected(theirs.error());
-    if (*ours != *theirs) return device::other_numbers(device, mesh);
+    if (!device::same_numbers(*ours, *theirs)) return device::other_numbers(device, mesh);
   }
   return {};
 }

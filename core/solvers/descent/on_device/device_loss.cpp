@@ -15,56 +15,26 @@ constexpr double kNoise = 1e-13;  // of the sum, as LossObjective
 
 DeviceLoss::DeviceLoss(device::Device& device, Problem& problem, CellEnergy& energy, const ModalForm& form,
                        const OrderLevels& levels, const Material& material, const Team& team)
-    : queue_(device),
-      problem_(problem),
+    : MinimisedOnDevice(device, problem, device::descent_kernels(problem.dimension), material, team),
       energy_(energy),
-      team_(team),
-      has_convex_part_(material.energy == Energy::Hyperelastic),
-      nodes_(static_cast<std::int64_t>(problem.free.size())),
-      unknowns_(nodes_ * problem.dimension),
-      descent_(queue_.load(device::descent_kernels(problem.dimension))) {
-  check();
-  auto cells = device::CellsOnDevice::make(device, problem, material);
-  if (!cells) throw DeviceFailed{cells.error()};
-  cells_ = std::move(*cells);
-  joiner_.emplace(queue_, descent_.get());
+      has_convex_part_(material.energy == Energy::Hyperelastic) {
   std::size_t numbers = 0;
   for (const auto& set : cells_->sets()) numbers = std::max(numbers, set->contributions() * at(problem.dimension));
-  values_.emplace(queue_, descent_.get(), numbers);
+  values_.emplace(queue_, module_.get(), numbers);
   // Contributions have two floats for each double.
-  levels_.emplace(queue_, descent_.get(), problem, levels, *values_, cells_->contributions().as<double>(), *joiner_);
-  form_.emplace(queue_, descent_.get(), *cells_, problem, form, levels_->own(), *values_, *joiner_);
-  for (device::Buffer* vector : {&start_, &step_, &residual_, &direction_, &product_})
+  levels_.emplace(queue_, module_.get(), problem, levels, *values_, cells_->contributions().as<double>(), *joiner_,
+                  team);
+  form_.emplace(queue_, module_.get(), *cells_, problem, form, levels_->own(), *values_, *joiner_);
+  for (device::Buffer* vector : {&start_, &residual_, &direction_, &product_})
     *vector = queue_.room(at(unknowns_) * sizeof(double));
-  queue_.fill(free_, problem.free);
-  queue_.fill(inverse_size_, problem.inverse_size);
-  find_kernels();
+  find({{"add_up_form", &add_up_form_},
+        {"add_form", &add_form_},
+        {"held", &held_},
+        {"begin_system", &begin_system_},
+        {"round_direction", &round_direction_},
+        {"add_up_product", &add_up_product_},
+        {"subtract_kept", &subtract_kept_}});
   check();
-}
-
-void DeviceLoss::find_kernels() {
-  for (const auto& [name, kernel] : {std::pair<const char*, device::Kernel*>{"add_up_form", &kernels_.add_up_form},
-                                     {"add_form", &kernels_.add_form},
-                                     {"held", &kernels_.held},
-                                     {"begin_system", &kernels_.begin_system},
-                                     {"round_direction", &kernels_.round_direction},
-                                     {"add_up_product", &kernels_.add_up_product},
-                                     {"advance", &kernels_.advance},
-                                     {"turn", &kernels_.turn},
-                                     {"take_direction", &kernels_.take_direction},
-                                     {"keep_residual", &kernels_.keep_residual},
-                                     {"subtract_kept", &kernels_.subtract_kept},
-                                     {"square_of_gradient", &kernels_.square_of_gradient},
-                                     {"along_step", &kernels_.along_step},
-                                     {"size_of_step", &kernels_.size_of_step},
-                                     {"size_of_product", &kernels_.size_of_product},
-                                     {"keep_start", &kernels_.keep_start},
-                                     {"place", &kernels_.place}})
-    *kernel = queue_.kernel(descent_.get(), name);
-}
-
-void DeviceLoss::check() const {
-  if (queue_.fault()) throw DeviceFailed{*queue_.fault()};
 }
 
 void DeviceLoss::begin_round(std::span<const double> hold, std::span<const double> places) {
@@ -77,17 +47,11 @@ void DeviceLoss::begin_round(std::span<const double> hold, std::span<const doubl
 }
 
 device::LossArguments DeviceLoss::arguments(std::int64_t count) const {
-  device::LossArguments a;
-  a.count = count;
-  a.gradient = cells_->gradient_there().as<double>();
+  device::LossArguments a = common(count);
   a.start = start_.as<double>();
-  a.step = step_.as<double>();
   a.residual = residual_.as<double>();
   a.direction = direction_.as<double>();
   a.product = product_.as<double>();
-  a.positions = cells_->positions_there().as<double>();
-  a.free = free_.as<const std::int32_t>();
-  a.inverse_size = inverse_size_.as<const float>();
   a.hold = hold_.as<const double>();
   a.held_at = held_at_.as<const double>();
   a.rough_direction = cells_->direction_there().as<float>();
@@ -96,49 +60,12 @@ device::LossArguments DeviceLoss::arguments(std::int64_t count) const {
   return a;
 }
 
-void DeviceLoss::run(const device::Kernel& kernel, double factor) {
-  device::LossArguments a = arguments(unknowns_);
-  a.factor = factor;
-  queue_.launch(kernel, a.count, a);
-}
-
-void DeviceLoss::run_on_nodes(const device::Kernel& kernel, double factor) {
-  device::LossArguments a = arguments(nodes_);
-  a.factor = factor;
-  queue_.launch(kernel, a.count, a);
-}
-
-double DeviceLoss::sum(const device::Kernel& kernel, std::int64_t count, double factor) {
-  device::LossArguments a = arguments(count);
-  a.factor = factor;
-  a.parts = joiner_->parts(count);
-  queue_.launch(kernel, count, a, device::kJoinBytes);
-  const double sum = joiner_->sum(count);
-  check();
-  return sum;
-}
-
-double DeviceLoss::largest(const device::Kernel& kernel) {
-  device::LossArguments a = arguments(nodes_);
-  a.parts = joiner_->parts(nodes_);
-  queue_.launch(kernel, nodes_, a, device::kJoinBytes);
-  const double largest = joiner_->largest(nodes_);
-  check();
-  return std::sqrt(largest);
-}
-
 // ===== The objective and its derivatives =====
-
-void DeviceLoss::scan() {
-  const auto scans = cells_->scan();
-  if (!scans) throw DeviceFailed{scans.error()};
-  std::ranges::copy(*scans, energy_.scans_to_fill().begin());
-}
 
 double DeviceLoss::form() {
   if (!has_form_) {
     form_value_ = form_->gradient();
-    run_on_nodes(kernels_.add_up_form);
+    run_on_nodes(add_up_form_);
     check();
   }
   has_form_ = true;
@@ -149,16 +76,16 @@ double DeviceLoss::linearise(bool /*renews*/) {
   team_.look();
   queue_.note(cells_->place());
   check();
-  scan();
+  scan(energy_);
   energy_.fit_scale();
   energy_.set_slopes();
   queue_.note(cells_->weigh());
   queue_.note(cells_->run_gradient(true, energy_.scale()));
   is_convex_ = false;
-  const double value = energy_.value() + form() + sum(kernels_.held, nodes_);
+  const double value = energy_.value() + form() + sum(held_, nodes_);
   noise_ = kNoise * value;
-  run_on_nodes(kernels_.add_form);
-  run(kernels_.begin_system);
+  run_on_nodes(add_form_);
+  run(begin_system_);
   check();
   return value;
 }
@@ -167,7 +94,7 @@ bool DeviceLoss::make_convex() {
   if (is_convex_ || !has_convex_part_) return false;
   is_convex_ = true;
   queue_.note(cells_->run_convex_part());
-  run(kernels_.begin_system);
+  run(begin_system_);
   check();
   return true;
 }
@@ -184,56 +111,46 @@ double DeviceLoss::precondition() {
 double DeviceLoss::multiply() {
   team_.look();
   has_form_ = false;
-  run(kernels_.round_direction);
+  run(round_direction_);
   queue_.note(cells_->run_product());
   form_->multiply(direction_.as<const double>());
-  return sum(kernels_.add_up_product, nodes_, energy_.scale());
+  return sum(add_up_product_, nodes_, energy_.scale());
 }
 
 // ===== Sizes =====
 
-double DeviceLoss::gradient_norm() { return std::sqrt(sum(kernels_.square_of_gradient, unknowns_)); }
-
 double DeviceLoss::preconditioned_norm(double rq) const { return std::sqrt(std::max(0.0, rq)); }
 
 double DeviceLoss::largest_defect() {
-  run(kernels_.keep_residual);
+  run(vectors_.keep_residual);
   queue_.note(cells_->run_gradient(false, energy_.scale()));
   form();
-  run_on_nodes(kernels_.add_form);
-  run(kernels_.subtract_kept);
+  run_on_nodes(add_form_);
+  run(subtract_kept_);
   precondition();
-  return largest(kernels_.size_of_product);
+  return largest_of_nodes(vectors_.size_of_product);
 }
 
 // ===== The step =====
 
 double DeviceLoss::finish_step() {
-  run_on_nodes(kernels_.keep_start);
-  return sum(kernels_.along_step, unknowns_);
+  run_on_nodes(vectors_.keep_start);
+  return sum(vectors_.along_step, unknowns_, 1);
 }
 
 double DeviceLoss::move(double alpha) {
   team_.look();
-  run_on_nodes(kernels_.place, alpha);
+  run_on_nodes(vectors_.place, alpha);
   has_form_ = false;
   check();
-  scan();
+  scan(energy_);
   const double energy = energy_.value();
-  return std::isfinite(energy) ? energy + form() + sum(kernels_.held, nodes_) : energy;
-}
-
-void DeviceLoss::settle() {
-  std::vector<double> positions(problem_.positions.size());
-  queue_.download(cells_->positions_there(), std::span<double>(positions));
-  check();
-  problem_.positions = std::move(positions);
+  return std::isfinite(energy) ? energy + form() + sum(held_, nodes_) : energy;
 }
 
 std::size_t DeviceLoss::memory() const {
-  std::size_t bytes = cells_->memory() + joiner_->memory() + values_->memory() + levels_->memory() + form_->memory();
-  for (const device::Buffer* buffer :
-       {&start_, &step_, &residual_, &direction_, &product_, &free_, &inverse_size_, &hold_, &held_at_})
+  std::size_t bytes = memory_in_common() + values_->memory() + levels_->memory() + form_->memory();
+  for (const device::Buffer* buffer : {&start_, &residual_, &direction_, &product_, &hold_, &held_at_})
     bytes += buffer->bytes();
   return bytes;
 }

@@ -24,7 +24,7 @@ PlacesOfNodes places_of_nodes(const Problem& problem, int order) {
 
 LevelsOnDevice::LevelsOnDevice(device::Queue& queue, const device::Module* descent, const Problem& problem,
                                const OrderLevels& levels, CellValues& values, double* contributions,
-                               device::Joiner& joiner)
+                               device::Joiner& joiner, const Team& team)
     : queue_(queue),
       problem_(problem),
       source_(levels),
@@ -37,7 +37,7 @@ LevelsOnDevice::LevelsOnDevice(device::Queue& queue, const device::Module* desce
   const std::span<const OrderSpace* const> spaces = levels.spaces();
   for (std::size_t q = 0; q < spaces.size(); ++q) {
     Level& level = levels_.emplace_back();
-    level.space = copy_space(queue, problem, *spaces[q], places_of_nodes(problem, static_cast<int>(q) + 1));
+    level.space = copy_space(queue, problem, *spaces[q], places_of_nodes(problem, static_cast<int>(q) + 1), team);
     if (q + 1 == spaces.size()) break;
     const std::size_t bytes = at(spaces[q]->count) * at(problem.dimension) * sizeof(double);
     level.residual = queue.room(bytes);

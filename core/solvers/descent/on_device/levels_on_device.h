@@ -17,7 +17,7 @@ class LevelsOnDevice {
   /// @param contributions  room for those of all cells, which apply() overwrites
   /// All other arguments are kept by reference and must outlive the object.
   LevelsOnDevice(device::Queue& queue, const device::Module* descent, const Problem& problem, const OrderLevels& levels,
-                 CellValues& values, double* contributions, device::Joiner& joiner);
+                 CellValues& values, double* contributions, device::Joiner& joiner, const Team& team);
 
   /// The maps of the problem's own order.
   const SpaceOnDevice& own() const { return levels_.back().space; }

@@ -37,6 +37,6 @@ using PlacesOfNodes = std::vector<std::span<const std::size_t>>;
 
 /// Copies a space of the problem.
 SpaceOnDevice copy_space(device::Queue& queue, const Problem& problem, const OrderSpace& space,
-                         const PlacesOfNodes& places);
+                         const PlacesOfNodes& places, const Team& team);
 
 }  // namespace varimesh

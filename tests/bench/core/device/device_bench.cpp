@@ -1,5 +1,6 @@
-// How long the kernels of a device take: nanoseconds per cell for cells of orders 2 to 4, with the goals for tetrahedra
-// of order 4, and milliseconds for a step of conjugate gradients on them, on the energy and in the descent.
+// How long the kernels of a device take: nanoseconds per cell for cells of orders 2 to 4, and tetrahedra of order 5,
+// with the goals for tetrahedra of order 4, and milliseconds for a step of conjugate gradients on them, on the energy
+// and in the descent.
 //
 //   core_device_bench [--cells N] [--processor]
 //
@@ -20,9 +21,12 @@
 #include "core/device/card.h"
 #include "core/device/cpu_device.h"
 #include "core/device_kernels/cells_on_device.h"
+#include "core/device_kernels/judge/judge_on_device.h"
 #include "core/quality/accuracy/team_accuracy.h"
+#include "core/quality/quality.h"
 #include "core/solvers/descent/on_device/device_loss.h"
 #include "core/solvers/newton/device_objective.h"
+#include "core/validity/certifier.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -162,14 +166,41 @@ void measure_descent(device::Device& device, double wanted, int calls) {
   }
 }
 
+/// The first look of certificates and the samples of the quality report, with all that is copied.
+void measure_judgement(device::Device& device, double wanted) {
+  const HighOrderMesh mesh = make_mesh(Filling::Tetrahedra, 4, wanted);
+  const Team team(static_cast<int>(std::thread::hardware_concurrency()));
+  JudgeOnDevice judge(device, 3);
+  Certifier certifier(mesh, {}, team);
+  certifier.measure_with(&judge);
+  std::vector<Certificate> certificates(certifier.cells());
+  std::vector<detail::Extremes> samples(certifier.cells());
+  const auto nanoseconds = [&](const std::function<void()>& work) {
+    return seconds_of(device, 1,
+                      [&]() -> device::Possible<void> {
+                        team.run(work);
+                        if (judge.fault()) return tl::unexpected(*judge.fault());
+                        return {};
+                      }) *
+           1e9 / static_cast<double>(certifier.cells());
+  };
+  const double certified = nanoseconds([&] { certifier.certify(mesh.coordinates, certificates, team); });
+  const double sampled =
+      nanoseconds([&] { judge.sample(mesh, mesh.coordinates, report_intervals(mesh.order), team, samples); });
+  std::printf("tetrahedra of order 4: certificates %.0f ns, samples of the quality report %.0f ns per cell\n",
+              certified, sampled);
+}
+
 int run(device::Device& device, double cells, int calls) {
   std::printf("%s\n%-16s %s %9s %9s %9s %9s %9s %8s\n", device.properties().name.c_str(), "cells", "P", "count",
               "energy", "gradient", "linearise", "product", "bytes");
   for (const Filling filling :
        {Filling::Tetrahedra, Filling::Triangles, Filling::Quadrilaterals, Filling::Prisms, Filling::Hexahedra})
     for (const int order : {2, 3, 4}) measure_cells(device, filling, order, cells, calls);
+  measure_cells(device, Filling::Tetrahedra, 5, cells, calls);
   measure_step(device, cells, calls);
   measure_descent(device, cells, calls);
+  measure_judgement(device, cells);
   return all_well ? 0 : 1;
 }
 

@@ -142,7 +142,7 @@ TEST(DeviceOfARun, IsSaidNotToHelpWhereItDoesNot) {
               options.until = Until::Valid;
               options.max_iterations = 1;
             }),
-            "The run made no step of Newton's method, so the device was not used.");
+            "The run made no step of Newton's method, so the device was used for certificates and quality at most.");
 }
 
 /// The number with a comma between thousands.
@@ -253,6 +253,14 @@ TEST_F(RunOnACard, EndsWholeWithASentenceAfterEachFault) {
     EXPECT_EQ(result.notes.front().find("The run was on the processor. "), 0U) << result.notes.front();
     EXPECT_NE(result.notes.front().find(sentence), std::string::npos) << result.notes.front();
   }
+}
+
+TEST_F(RunOnACard, JudgesTheCellsOfTheMeshOnTheCardFirst) {
+  const HighOrderMesh mesh = bent_mesh(0.01);
+  const Result result = on_card(mesh, energy_on(DeviceChoice::Gpu), "lost=1");
+  ASSERT_EQ(result.notes.size(), 1U);
+  EXPECT_NE(result.notes.front().find("failed when it ran the kernel relative_nodes"), std::string::npos)
+      << result.notes.front();
 }
 
 TEST_F(RunOnACard, TakesTheCardAgainForALaterStageThatItHasRoomFor) {

@@ -33,7 +33,7 @@ class FormOnADevice : public ::testing::TestWithParam<DescentCase> {
         cells_(std::move(*device::CellsOnDevice::make(*device_, bench_.problem_, bench_.material_))),
         joiner_(queue_, module_.get()),
         values_(queue_, module_.get(), cells_->contributions().bytes() / sizeof(double)),
-        levels_(queue_, module_.get(), bench_.problem_, bench_.levels_, values_, contributions(), joiner_),
+        levels_(queue_, module_.get(), bench_.problem_, bench_.levels_, values_, contributions(), joiner_, Team(1)),
         form_(queue_, module_.get(), *cells_, bench_.problem_, bench_.form_, levels_.own(), values_, joiner_) {
     form_.take_frames();
     levels_.take_diagonals();
