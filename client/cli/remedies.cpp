@@ -27,8 +27,13 @@ std::string what_to_do(const v1::Remedy& remedy) {
 }  // namespace
 
 v1::Remedy to_proto(const Remedy& remedy) {
-  static_assert(static_cast<int>(Remedy::Kind::Optimise) + 1 == v1::Remedy::KIND_OPTIMISE &&
-                static_cast<int>(Remedy::Kind::OtherBoundary) + 1 == v1::Remedy::KIND_OTHER_BOUNDARY);
+  using Kind = Remedy::Kind;
+  constexpr auto same = [](v1::Remedy::Kind message, Kind kind) { return message == static_cast<int>(kind) + 1; };
+  static_assert(same(v1::Remedy::KIND_OPTIMISE, Kind::Optimise) && same(v1::Remedy::KIND_MORE_TIME, Kind::MoreTime) &&
+                same(v1::Remedy::KIND_UNTIL_VALID, Kind::UntilValid) &&
+                same(v1::Remedy::KIND_RAISE_ORDER, Kind::RaiseOrder) && same(v1::Remedy::KIND_SPLIT, Kind::Split) &&
+                same(v1::Remedy::KIND_SLIDE, Kind::Slide) &&
+                same(v1::Remedy::KIND_OTHER_BOUNDARY, Kind::OtherBoundary));
   v1::Remedy message;
   message.set_kind(static_cast<v1::Remedy::Kind>(static_cast<int>(remedy.kind) + 1));
   message.set_elements(remedy.elements);
@@ -47,6 +52,8 @@ std::string flags_of(const v1::Remedy& remedy) {
       return "--repair split";
     case v1::Remedy::KIND_SLIDE:
       return "--slide-on boundary";
+    case v1::Remedy::KIND_UNSPECIFIED:  // from a server that gives flags and no kind
+      return remedy.flags();
     default:
       return "";
   }

@@ -62,8 +62,8 @@ bool can_slide(const HighOrderMesh& mesh) { return mesh.dimension == 3; }
 Remedy order_remedy(std::int64_t uncertified, const Tried& tried) {
   const std::int64_t left = *tried.left_at_next_order;
   return {Remedy::Kind::RaiseOrder, uncertified - left,
-          std::string("it has been tried, and ") +
-              (left == 0 ? "every element becomes" : "all but " + count_text(left) + " become") + " valid.",
+          std::string("a run at this order has left ") + (left == 0 ? "no element" : "only " + count_text(left)) +
+              " that is not certified valid.",
           tried.next_order};
 }
 
@@ -72,7 +72,7 @@ Remedy boundary_remedy(const HighOrderMesh& mesh, const Numbers& numbers, const 
   const std::string elements = elements_text(numbers, "element", "elements");
   return {Remedy::Kind::OtherBoundary, static_cast<std::int64_t>(numbers.size()),
           can_slide(mesh)
-              ? "where sliding does not help " + elements + ", nothing else is known to."
+              ? "if sliding does not help " + elements + ", nothing else is known that does."
               : "nothing else is known to help " + elements + (tried.left_at_next_order ? " at this order." : ".")};
 }
 

@@ -35,6 +35,9 @@ inline constexpr double kFalls = 0.99;
 /// A round of the descent that raises the loss by more than this, and the minimum not at all, is taken back.
 inline constexpr double kRises = 1.1;
 
+/// A solver's error on what decays from a wall may rise by this factor in a mesh with layers that came in valid.
+inline constexpr double kRisesInLayers = 1.02;
+
 // ===== of the loss of accuracy =====
 
 /// The loss of a cell is not worth a move if it is at most this share of h^P, h being the size of the cell relative to

@@ -18,7 +18,7 @@ Expected<void> check_counts(std::int64_t nodes, std::int64_t cells);
 /// Checks everything that an optimisation and the measures of quality rely on:
 ///   - there are not too many nodes or cells: check_counts()
 ///   - there are elements of dimension 2 or 3, of one order and of known shapes
-///   - the numbers of nodes and elements are at most 2^62, so that there are numbers for new ones
+///   - the numbers of nodes and elements are from -2^62 to 2^62, so that there are numbers for new ones
 ///   - all coordinates are finite, and a 2-D mesh lies in a plane z = constant (check_mesh() takes any plane)
 ///   - the nodes of each cell are distinct, and no cell appears twice
 ///   - cells conform: a facet has one or two cells, which have the same nodes on it

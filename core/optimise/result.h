@@ -74,7 +74,7 @@ struct RunSummary {
   WhatIsLeft left;                     ///< The elements of `after` that are not certified valid, and what to try next.
   std::int64_t made_valid_at_end = 0;  ///< Elements that small patches made valid when the iterations had ended.
   std::string device;           ///< The device on which steps of Newton's method were made; empty: the processor.
-  std::string kept_as_it_came;  ///< Why a mesh that came in valid was left as it was; empty if it was not.
+  std::string kept_as_it_came;  ///< Why the mesh was left as it came; empty if it was not.
   std::vector<Iteration> history;
 };
 

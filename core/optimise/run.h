@@ -66,9 +66,12 @@ class Run {
   /// not get a higher loss by it.
   void raise_low();
   void straighten_result();
-  /// Goes back to the mesh as it came if it was valid and better. With another target than the straight-sided shape
-  /// the caller asks for a change, which the scaled Jacobian does not judge.
+  /// Goes back to the mesh as it came if it was better: if it was valid, or if the run has certified no more cells and
+  /// its loss of accuracy is higher. With another target than the straight-sided shape the caller asks for a change,
+  /// which the scaled Jacobian does not judge.
   void keep_the_better();
+  /// Whether the layers hold what decays from the wall worse than they came.
+  bool rises_in_layers() const;
   void keep_as_it_came(std::string why);
 
   // ===== run_stages.cpp: a single stage for Objective::Energy, several for Objective::Worst =====
@@ -116,7 +119,7 @@ class Run {
   void take_most_accurate();
   std::uint64_t fingerprint_of_stage() const;
 
-  // ===== run.cpp: the descents of Objective::Accuracy, after the only stage =====
+  // ===== run_descents.cpp: the descents of Objective::Accuracy, after the only stage =====
 
   void lower_loss();
   bool begin_descent();
@@ -129,8 +132,8 @@ class Run {
   void forecast(const DescentRound& round);
   /// Begins the descent once more from the mesh that the last one has made, as another run would: with targets from
   /// that mesh. The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to
-  /// nothing, and would gain as little if it began without weight for low cells. `last`: there is nothing to gain. No
-  /// checkpoint is taken in these descents.
+  /// nothing, and began without the weights of another. `last`: there is nothing to gain. No checkpoint is taken in
+  /// these descents.
   bool descends_again(bool& last);
 
   SetUp& set_up_;

@@ -257,7 +257,7 @@ void Run::finish_stages() {
     const bool in_vain = retries_ && descent_ && !descent_->has_gained();
     if (descent_ && !descent_->best().coordinates.empty() && !in_vain)
       most_accurate_ = descent_->take_best();
-    else if (descents_ > 0)  // or interrupted before the next descent had a mesh
+    else if (descents_ > 0)  // the last descent gained nothing, or was interrupted before it had a mesh
       most_accurate_.coordinates = set_up_.mesh.coordinates;
     descent_.reset();
     stage_run_.reset();  // frees what Newton's method needed

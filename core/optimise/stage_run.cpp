@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 #include "core/optimise/iteration_state.h"
 #include "core/optimise/memory.h"
@@ -31,8 +32,9 @@ constexpr int kMostWithMostProducts = 10;
 constexpr int kMostStanding = 10;
 constexpr double kLowerResidual = 0.5;  // times the least one
 constexpr double kLowerEnergy = 1e-12;  // of the energy; its rounding is less
-/// The same while cells are tangled. δ depends on the mesh, so the energy also rises from one step to the next, and two
-/// meshes with two δ may follow each other without an end, at energies that differ by 1e-8 from one round to the next.
+/// kMostStanding and kLowerEnergy while cells are tangled. δ depends on the mesh, so the energy also rises from one
+/// step to the next, and two meshes with two δ may follow each other without an end, at energies that differ by 1e-8
+/// from one round to the next.
 constexpr int kMostStandingTangled = 50;
 constexpr double kLowerEnergyTangled = 1e-6;
 
@@ -250,7 +252,7 @@ std::optional<StopReason> StageRun::newton_ends() {
     return StopReason::MostProducts;
   const bool tangled = guard_.unrepaired() > 0;
   const bool has_fewer = history_.size() > 1 && history_[history_.size() - 2].left_elements > iteration_.left_elements;
-  const bool first = least_residual_ == 0 || has_fewer || (!tangled && standing_ >= kMostStanding);
+  const bool first = least_residual_ == 0 || has_fewer || tangled != std::exchange(was_tangled_, tangled);
   const double lower = tangled ? kLowerEnergyTangled : kLowerEnergy;
   if (first || iteration_.residual < kLowerResidual * least_residual_ ||
       iteration_.energy < least_energy_ - lower * std::abs(least_energy_)) {
@@ -289,7 +291,7 @@ void StageRun::state(Archive& archive) {
   settling_.state(archive);
   std::uint64_t iterations = history_.size();
   archive(first_gradient_, began_, bound_, converged_, most_products_, least_residual_, least_energy_, standing_,
-          iterations);
+          was_tangled_, iterations);
   for (std::uint64_t i = 0; i < iterations; ++i) {
     if constexpr (Archive::kReads) {
       if (archive.failed()) return;

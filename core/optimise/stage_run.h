@@ -169,6 +169,7 @@ class StageRun {
   double least_residual_ = 0;  ///< Of the Newton steps, and
   double least_energy_ = 0;    ///< the lowest energy, when they were last lowered;
   int standing_ = 0;           ///< Newton steps since then.
+  bool was_tangled_ = false;   ///< Cells that may be repaired were tangled after the last Newton step.
   bool exact_ = false;         ///< See can_be_kept().
 };
 

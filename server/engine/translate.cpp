@@ -28,8 +28,10 @@ static_assert(same(v1::LINEAR_SOLVE_NONE, LinearSolve::None) && same(v1::LINEAR_
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
               same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
 static_assert(same(v1::Remedy::KIND_OPTIMISE, Remedy::Kind::Optimise) &&
+              same(v1::Remedy::KIND_MORE_TIME, Remedy::Kind::MoreTime) &&
               same(v1::Remedy::KIND_UNTIL_VALID, Remedy::Kind::UntilValid) &&
-              same(v1::Remedy::KIND_SPLIT, Remedy::Kind::Split) &&
+              same(v1::Remedy::KIND_RAISE_ORDER, Remedy::Kind::RaiseOrder) &&
+              same(v1::Remedy::KIND_SPLIT, Remedy::Kind::Split) && same(v1::Remedy::KIND_SLIDE, Remedy::Kind::Slide) &&
               same(v1::Remedy::KIND_OTHER_BOUNDARY, Remedy::Kind::OtherBoundary));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
               same(v1::PHASE_UNTANGLE, Phase::Untangle) && same(v1::PHASE_ACCURACY, Phase::Accuracy));
@@ -190,8 +192,7 @@ std::string what_to_do(const Remedy& remedy) {
       return "Set options.repair to REPAIR_SPLIT";
     case Remedy::Kind::Slide:
       return "Let boundary nodes slide on a CAD model (geometry.digest) or on the boundary as it came "
-             "(geometry.slide_on "
-             "= SLIDE_ON_BOUNDARY)";
+             "(geometry.slide_on = SLIDE_ON_BOUNDARY)";
     case Remedy::Kind::OtherBoundary:
       return "Mesh the boundary anew or refine it";
   }

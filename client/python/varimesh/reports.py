@@ -98,7 +98,8 @@ class RepairStep:
 class Remedy:
     """Something to try about elements that are not certified valid."""
 
-    kind: str  # optimise, more-time, until-valid, raise-order, split, slide or other-boundary
+    # optimise, more-time, until-valid, raise-order, split, slide or other-boundary; unspecified from an older server
+    kind: str
     arguments: dict[str, Any]  # of optimise(), which do it; empty if no argument does
     elements: int  # how many it could help
     sentence: str

@@ -23,8 +23,8 @@ namespace varimesh {
 /// processor: the bound on rounding, the answer, and all that the first look at a cell leaves open.
 ///
 /// What takes memory on the device is allocated when a call begins and freed when it ends. After a fault the device is
-/// given up as RunDevice says, and the processor does the whole call. The next call tries the device again, if it is
-/// still used.
+/// given up as RunDevice says, and the processor does the rest of the certificates, or all samples. The next call tries
+/// the device again, if it is still used.
 class JudgeOnDevice final : public detail::MeasuresElsewhere, public detail::SamplesElsewhere {
  public:
   /// @param device  must outlive the object; it may come to be used no more

@@ -16,8 +16,7 @@ namespace HWY_NAMESPACE {
 
 using device::VectorArguments;
 
-// ===== Of Newton's method on the energy and of the descent: residual, direction and product are floats or doubles
-// =====
+// ===== Of Newton's method and of the descent: residual, direction and product are floats or doubles =====
 
 /// The numbers of the residual, the direction and the product.
 template <class Arguments>

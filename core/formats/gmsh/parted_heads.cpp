@@ -87,7 +87,8 @@ class PartedFile::Heads {
   void read_format() {
     const std::string name = line(), version = line();
     if (name != "$MeshFormat" || version.substr(0, 5) != "4.1 1")
-      fail_format("Several processes read binary files of Gmsh's MSH 4.1 only; convert the mesh to one first");
+      fail_format(
+          "With several processes, the mesh must be a binary file of Gmsh's MSH 4.1; convert it to that format first");
     section_ = "MeshFormat";
     if (next<std::int32_t>("the number 1, which shows the byte order,") != 1)
       fail("the number that shows the byte order is not 1", "MeshFormat", at_);

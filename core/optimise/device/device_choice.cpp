@@ -53,7 +53,7 @@ void DeviceOfRun::tell(std::string& device, std::vector<std::string>& notes) con
     notes.push_back(where + why_not_);
   else if (is_demanded_ && !has_begun)
     notes.emplace_back(
-        "The run made no step of Newton's method, so the device was used for certificates and quality at most.");
+        "The run made no step of Newton's method. The device could only help with certificates and quality.");
 }
 
 }  // namespace varimesh

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -87,7 +88,7 @@ bool has_stayed(const SetUp& set_up, const Result& result) {
 /// invalid cells as far.
 bool was_made_valid_late(const SetUp& set_up, const Result& result) {
   return result.made_valid_at_end > 0 && set_up.options.objective == Objective::Accuracy &&
-         set_up.options.until != Until::Valid && left(result) == 0;
+         set_up.options.until != Until::Valid && left(result) == 0 && result.kept_as_it_came.empty();
 }
 
 /// How good the mesh is, as the end of a sentence.
@@ -246,7 +247,10 @@ class Attempts {
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;
     result_.proof_seconds += result.proof_seconds;
-    if (result.stopped && !stopped_ && stop_.reason() != StopToken::Reason::Asked) {  // it has used up the work
+    const bool used_up = result.stopped && !stopped_ && stop_.reason() != StopToken::Reason::Asked;
+    const bool used_its_share =
+        result.stop_reason == StopReason::Iterations && result_.iterations < set_up_.options.max_iterations;
+    if (used_up || used_its_share) {  // which no limit of the caller has ended
       result.stopped = false;
       result.stop_reason = StopReason::NoProgress;
     }
@@ -283,6 +287,7 @@ class Attempts {
     std::optional<Result> whole = run_from(result_.mesh);
     if (!whole || !is_better(merit_of(whole->after), merit_of(result_.after), asked_by(set_up_.options))) return;
     result_.notes.emplace_back("The run went on from there.");
+    std::ranges::move(whole->notes, std::back_inserter(result_.notes));
     take_outcome(std::move(*whole));
   }
 

@@ -50,7 +50,7 @@ struct DescentContext {
   const QualityReport* least = nullptr;
   /// By cell: the factor by which ε_e is raised at the beginning. Empty: 1.
   std::vector<double> factors = {};
-  WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
+  WorkMeter* meter = nullptr;  ///< Counts what the kernels do; may be null.
   /// Makes the steps, as long as it is used; may be null, or without a device.
   device::RunDevice* device = nullptr;
   /// Samples cells (certified_quality.h); may be null.
@@ -138,7 +138,7 @@ class Descent {
   /// Whether the best mesh has a lower loss than the mesh at the beginning, by more than next to nothing, and is valid.
   bool has_gained() const;
 
-  /// The share of the loss at the beginning by which the best mesh is below it.
+  /// By what share of the loss at the beginning the best mesh has lowered it; negative if its loss is higher.
   double gain() const { return start_loss_ > 0 ? 1 - best_.merit.loss / start_loss_ : 0; }
 
   /// Whether another descent from the best mesh, with targets from there, would change next to nothing: the last round

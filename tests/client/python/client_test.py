@@ -195,6 +195,8 @@ class Client(support.WithServer):
             self.assertEqual(made.sentence.endswith(": it helps."), number != 0, name)
             self.assertNotIn("--", made.sentence)
             options.to_message({key: value for key, value in made.arguments.items() if key != "geometry"})
+            if name == "KIND_SLIDE":
+                self.assertEqual(made.arguments["geometry"].slide_on, "boundary")
 
     def test_quality_moves_nothing_and_leaves_no_job(self):
         before = len(list(self.client.jobs()))

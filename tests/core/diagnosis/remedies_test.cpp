@@ -68,7 +68,7 @@ TEST_F(RemediesTest, SlidingComesBeforeAnotherBoundaryMesh) {
   EXPECT_EQ(left.remedies[0].kind, Remedy::Kind::Slide);
   EXPECT_EQ(left.remedies[1].kind, Remedy::Kind::OtherBoundary);
   EXPECT_EQ(left.remedies[1].reason,
-            "where sliding does not help element " + std::to_string(numbers_[0]) + ", nothing else is known to.");
+            "if sliding does not help element " + std::to_string(numbers_[0]) + ", nothing else is known that does.");
 }
 
 TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
@@ -113,7 +113,7 @@ TEST_F(RemediesTest, TheNextOrderComesFirstIfItHasHelped) {
   EXPECT_EQ(first.kind, Remedy::Kind::RaiseOrder);
   EXPECT_EQ(first.order, 3);
   EXPECT_EQ(first.elements, 1);
-  EXPECT_EQ(first.reason, "it has been tried, and all but 1 element become valid.");
+  EXPECT_EQ(first.reason, "a run at this order has left only 1 element that is not certified valid.");
 }
 
 TEST(Remedies, OnASurfaceInSpaceOnlyAnotherMeshHelps) {

@@ -1,12 +1,20 @@
 // What a run hands out is never worse for having gone on, and never worse than a mesh that came in valid.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <numbers>
 #include <string>
 #include <tuple>
+#include <vector>
 
+#include "core/formats/formats.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/validity/certificate.h"
 #include "tests/core/optimise/stopped_runs.h"
 #include "tests/core/support/for_energy.h"
+#include "tests/core/support/ring_mesh.h"
 
 namespace varimesh {
 namespace {
@@ -121,6 +129,57 @@ TEST(ValidMesh, IsChangedIfOnlyOneOfThemFalls) {
   ASSERT_TRUE(result) << result.error().sentence;
   EXPECT_NE(result->mesh.coordinates, mesh.coordinates);
   EXPECT_EQ(result->kept_as_it_came, "");
+}
+
+/// Six rows of quadrilaterals of order 2 between two circles, the first .02 high, each `growth` times as high as the
+/// one before. The outer circles are curved, and the more a row lies inside, the less.
+HighOrderMesh layers_that_follow_a_circle(double growth) {
+  std::vector<double> radii = {1};
+  for (double height = 0.02; radii.size() < 7; height *= growth) radii.push_back(radii.back() + height);
+  constexpr int kColumns = 8;
+  HighOrderMesh mesh = *change_order(testing::ring_mesh(radii, kColumns), 2);
+  const double sector = 2 * std::numbers::pi / kColumns, outer = radii.back();
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    double* x = &mesh.coordinates[3 * n];
+    const double angle = std::atan2(x[1], x[0]), part = std::abs(std::remainder(angle, sector));
+    if (part < 0.25 * sector) continue;  // at the end of a chord, not in its middle
+    const double radius = std::hypot(x[0], x[1]) / std::cos(sector / 2);
+    const double share = radius > outer - 1e-9 ? 1 : (outer - radius) / (outer - 1);
+    for (int c = 0; c < 2; ++c) x[c] *= 1 + share * (1 / std::cos(sector / 2) - 1);
+  }
+  return mesh;
+}
+
+TEST(ValidMesh, StaysAsItCameIfItsLayersWouldHoldLess) {
+  Options options;
+  options.threads = 1;
+  const HighOrderMesh mesh = layers_that_follow_a_circle(2.4);
+  const auto kept = optimise(mesh, options), lowered = optimise(layers_that_follow_a_circle(1.5), options);
+  ASSERT_TRUE(kept && lowered);
+  ASSERT_TRUE(kept->before.uncertified.empty() && kept->before.in_layers && lowered->after.in_layers);
+  EXPECT_EQ(kept->mesh.coordinates, mesh.coordinates);
+  EXPECT_NE(kept->kept_as_it_came.find("error in the layers"), std::string::npos) << kept->kept_as_it_came;
+  EXPECT_EQ(lowered->kept_as_it_came, "");
+  EXPECT_LT(lowered->after.in_layers->error, 0.5 * lowered->before.in_layers->error);
+}
+
+/// Eight of its elements cannot be repaired.
+TEST(InvalidMesh, HasNoHigherLossInTheEndIfNoMoreElementsAreCertified) {
+  const char* folder = std::getenv("VARIMESH_CASES");
+  const std::filesystem::path path =
+      std::filesystem::path(folder ? folder : VARIMESH_SOURCE_DIR "/../shared/cases") / "meshes" / "cylprism_p2.msh";
+  if (!std::filesystem::exists(path))
+    GTEST_SKIP() << "NOT RUN: the shared cases are not at " << path << "; set VARIMESH_CASES to their folder.";
+  const auto file = formats::read_file(path.string());
+  ASSERT_TRUE(file) << file.error().sentence;
+  Options options;
+  options.threads = 1;
+  const auto once = optimise(file->mesh, options);
+  ASSERT_TRUE(once);
+  const auto again = optimise(once->mesh, options);
+  ASSERT_TRUE(again && again->before.accuracy && again->after.accuracy);
+  EXPECT_EQ(uncertified(*again), std::ssize(again->before.uncertified));
+  EXPECT_LE(again->after.accuracy->loss, again->before.accuracy->loss);
 }
 
 }  // namespace

@@ -142,7 +142,7 @@ TEST(DeviceOfARun, IsSaidNotToHelpWhereItDoesNot) {
               options.until = Until::Valid;
               options.max_iterations = 1;
             }),
-            "The run made no step of Newton's method, so the device was used for certificates and quality at most.");
+            "The run made no step of Newton's method. The device could only help with certificates and quality.");
 }
 
 /// The number with a comma between thousands.
