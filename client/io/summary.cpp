@@ -235,7 +235,7 @@ std::string worse_text(const v1::Metrics& metrics) {
     return loses ? "The loss of accuracy rose because the objective " + spelled(metrics.objective()) +
                        " does not look at it; --objective accuracy lowers it."
                  : "";
-  if (loses && after.invalid_elements() < before.invalid_elements())
+  if (loses)
     return "The loss of accuracy rose because elements had to become valid, or reach the scaled Jacobian of --min-js, "
            "first.";
   if (after.mean_scaled_jacobian() < before.mean_scaled_jacobian() - kSeen)

@@ -96,6 +96,8 @@ class Run {
   void show_mesh();
   /// Tells the forecast of an iteration.
   void forecast(const Iteration& last);
+  /// Tells the forecast of a round of a descent.
+  void forecast(const DescentRound& round);
   Forecast::State state_for_forecast() const;
   bool has_minimum_to_raise();
   void try_to_end_here();
@@ -119,7 +121,7 @@ class Run {
   void take_most_accurate();
   std::uint64_t fingerprint_of_stage() const;
 
-  // ===== run_descents.cpp: the descents of Objective::Accuracy, after the only stage =====
+  // ===== run.cpp: the descents of Objective::Accuracy, after the only stage =====
 
   void lower_loss();
   bool begin_descent();
@@ -128,8 +130,6 @@ class Run {
   void descend(bool last);
   /// Whether a descent from the mesh that the last one has made would be worth it.
   bool is_worth_another_descent() const;
-  /// Tells the forecast of a round.
-  void forecast(const DescentRound& round);
   /// Begins the descent once more from the mesh that the last one has made, as another run would: with targets from
   /// that mesh. The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to
   /// nothing, and began without the weights of another. `last`: there is nothing to gain. No checkpoint is taken in

@@ -163,6 +163,11 @@ void Run::forecast(const Iteration& last) {
   control_.forecast->step(method, last.residual, state_for_forecast());
 }
 
+void Run::forecast(const DescentRound& round) {
+  if (control_.forecast != nullptr)
+    control_.forecast->round(round.residual, Descent::kSettled, is_worth_another_descent(), state_for_forecast());
+}
+
 Forecast::State Run::state_for_forecast() const {
   Forecast::State state{.now = stage_run_->last().seconds, .is_valid = guard_->uncertified() == 0};
   if (state.is_valid || !set_up_.may_try_other_ways) return state;
