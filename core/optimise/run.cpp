@@ -256,7 +256,7 @@ void Run::keep_the_better() {
   // The descent chooses by the local loss.
   if (is_for_accuracy() && !keeps_loss(merit_of(result_.after), merit_of(at_start_)))
     keep_as_it_came("where the run ended, its loss of accuracy was not lower.");
-  else if (is_for_accuracy() && rises_in_layers())
+  else if (is_for_accuracy() && loses_layers(at_start_, result_.after, options_))
     keep_as_it_came(
         "where the run ended, the loss of accuracy was lower, but a solver's error in the layers at the wall was "
         "higher.");
@@ -276,9 +276,9 @@ void Run::keep_the_better() {
   keep_as_it_came(why);
 }
 
-bool Run::rises_in_layers() const {
-  const auto &before = at_start_.in_layers, &after = result_.after.in_layers;
-  return options_.layer_spacing == LayerSpacing::Keep && before && after &&
+bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options) {
+  const auto &before = as_it_came.in_layers, &after = now.in_layers;
+  return options.layer_spacing == LayerSpacing::Keep && before && after && as_it_came.uncertified.empty() &&
          after->error > threshold::kRisesInLayers * before->error;
 }
 

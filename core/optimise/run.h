@@ -70,8 +70,6 @@ class Run {
   /// its loss of accuracy is higher. With another target than the straight-sided shape the caller asks for a change,
   /// which the scaled Jacobian does not judge.
   void keep_the_better();
-  /// Whether the layers hold what decays from the wall worse than they came.
-  bool rises_in_layers() const;
   void keep_as_it_came(std::string why);
 
   // ===== run_stages.cpp: a single stage for Objective::Energy, several for Objective::Worst =====
@@ -165,6 +163,10 @@ class Run {
   std::vector<double> before_descents_;  ///< With descents_ > 0, the coordinates of set_up_.mesh before the first.
   Descent::State most_accurate_;  ///< Of the descents so far; while another runs, set_up_.mesh has its coordinates.
 };
+
+/// Whether the spacing of layers is to stay, and a mesh that was valid as it came would hold what decays from a wall
+/// worse: its error in layers is above threshold::kRisesInLayers times what it was.
+bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options);
 
 /// Whether a limit or the caller has ended the run.
 bool was_cut_short(const RunSummary& result);

