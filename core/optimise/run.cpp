@@ -278,8 +278,8 @@ void Run::keep_the_better() {
 
 bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options) {
   const auto &before = as_it_came.in_layers, &after = now.in_layers;
-  return options.layer_spacing == LayerSpacing::Keep && before && after && as_it_came.uncertified.empty() &&
-         after->error > threshold::kRisesInLayers * before->error;
+  return options.layer_spacing == LayerSpacing::Keep && before && as_it_came.uncertified.empty() &&
+         (!after || after->error > threshold::kRisesInLayers * before->error);
 }
 
 void Run::keep_as_it_came(std::string why) {

@@ -165,7 +165,7 @@ class Run {
 };
 
 /// Whether the spacing of layers is to stay, and a mesh that was valid as it came would hold what decays from a wall
-/// worse: its error in layers is above threshold::kRisesInLayers times what it was.
+/// worse: its error in layers is above threshold::kRisesInLayers times what it was, or is not known.
 bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options);
 
 /// Whether a limit or the caller has ended the run.

@@ -10,8 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/diagnosis/diagnosis.h"
 #include "core/forecast/forecast.h"
+#include "core/layers/error/layer_error.h"
 #include "core/merit/merit.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/memory.h"
@@ -245,6 +247,9 @@ class Attempts {
     // the next order is what the default reaches there.
     if (options.objective != set_up_.options.objective || order != 0)
       try_ways(**prepared, pass_on, control_, stop_, result, false);
+    // A set-up for another objective looks for no layers.
+    if (order == 0 && result_.before.in_layers && !result.after.in_layers)
+      result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads));
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;
     result_.proof_seconds += result.proof_seconds;
