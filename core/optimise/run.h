@@ -159,7 +159,7 @@ class Run {
   std::optional<Descent> descent_;
   int descents_ = 0;              ///< Those before the present one.
   bool begins_weighted_ = false;  ///< The present one began with more weight for low cells than another run would give.
-  bool retries_ = false;          ///< The present one began without it, because the last one, with it, gained little.
+  bool retries_ = false;  ///< The last one began with such weight and gained little; the present one began without.
   std::vector<double> before_descents_;  ///< With descents_ > 0, the coordinates of set_up_.mesh before the first.
   Descent::State most_accurate_;  ///< Of the descents so far; while another runs, set_up_.mesh has its coordinates.
 };

@@ -24,8 +24,8 @@ struct Confinement {
   /// memory.
   bool has_device = false;
   bool has_threads = false;  ///< A driver has started some. The rules hold for them, too.
-  /// The one file that can be opened. Opening this path gives a copy of the descriptor, at the beginning of the file. If
-  /// the path is null, no file can be opened. It must live as long as the process.
+  /// The one file that can be opened. Opening this path gives a copy of the descriptor, at the beginning of the file.
+  /// If the path is null, no file can be opened. It must live as long as the process.
   const char* path = nullptr;
   int file = -1;
 };

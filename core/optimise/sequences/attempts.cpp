@@ -86,8 +86,8 @@ bool has_stayed(const SetUp& set_up, const Result& result) {
          set_up.as_it_came.empty() && result.mesh.coordinates == set_up.mesh.coordinates;
 }
 
-/// Whether small patches have made the mesh valid after the descent, which could not lower the loss of a mesh with
-/// invalid cells as far.
+/// Whether small patches have made the mesh valid after the descent. While cells are invalid, a descent cannot lower
+/// the loss as far.
 bool was_made_valid_late(const SetUp& set_up, const Result& result) {
   return result.made_valid_at_end > 0 && set_up.options.objective == Objective::Accuracy &&
          set_up.options.until != Until::Valid && left(result) == 0 && result.kept_as_it_came.empty();

@@ -25,8 +25,8 @@ struct OtherWays {
 ///   such cell is taken, or else the one that leaves the fewest;
 /// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
 /// - or has Objective::Worst: the default objective is tried too, and taken if its minimum is higher;
-/// - or has Objective::Accuracy, and small patches have made the mesh valid after the descent: the run goes on from this
-///   mesh, and nothing else is tried.
+/// - or has Objective::Accuracy, and small patches have made the mesh valid after the descent: the run goes on from
+///   this mesh, and nothing else is tried.
 /// From the mesh that is taken, the run goes on with the options that were given. If none is better, the result stays.
 /// All attempts together do at most a multiple of the work of the run. Iterations are numbered through. With
 /// RunControl::another_follows nothing is tried for cells that are left.

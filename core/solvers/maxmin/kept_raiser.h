@@ -36,7 +36,8 @@ class KeptRaiser {
 
   /// From where the problem's nodes are, after Guard::certify_moved(): raises the cells that have lost their
   /// certificate (Guard::lost()), and those below the aim (RaiseTask). All others keep their
-  /// certificates. `most_looks`: as in raise_low_cells(). Returns whether nodes have moved. The caller must do the same as after a step.
+  /// certificates. `most_looks`: as in raise_low_cells(). Returns whether nodes have moved. The caller must do the same
+  /// as after a step.
   bool raise_lost(double aim = 0, std::int64_t most_looks = 0);
 
   /// What was tried.

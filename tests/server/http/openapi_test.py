@@ -13,7 +13,7 @@ from programs import ENDLESS, LARGER, MESH
 try:
     import jsonschema
     from google.protobuf.descriptor import FieldDescriptor
-    from varimesh.v1 import job_pb2, optimise_pb2, service_pb2
+    from varimesh.v1 import job_pb2, optimise_pb2, quality_pb2, service_pb2
 except ModuleNotFoundError as missing:
     print(f"SKIPPED: {missing} (deploy/setup test)", flush=True)
     sys.exit(77)
@@ -98,6 +98,12 @@ class Document(WithHttp):
         self.assertGreater(len(seen), 25)
         self.assertEqual({name for name in self.schemas if name.startswith("varimesh.") and "properties" in self.schemas[name]} - seen,
                          {"varimesh.v1." + name + "Response" for name in ("SubmitJob", "GetJob", "CancelJob", "DeleteJob")})
+
+    def test_the_page_has_words_for_every_remedy(self):
+        facts = (Path(os.environ["VARIMESH_SOURCE_DIR"]) / "server" / "http" / "page" / "facts.js").read_text()
+        table = re.search(r"REMEDY_ACTIONS = \{(.*?)\n\};", facts, re.DOTALL).group(1)
+        kinds = {name.removeprefix("KIND_") for name, number in quality_pb2.Remedy.Kind.items() if number != 0}
+        self.assertEqual(set(re.findall(r"^  ([A-Z_]+): ", table, re.MULTILINE)), kinds)
 
     def test_has_the_comments_of_the_contract(self):
         self.assertIn("-100 to 100", self.schemas["varimesh.v1.JobSpec"]["properties"]["priority"]["description"])

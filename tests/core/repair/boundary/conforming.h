@@ -1,4 +1,5 @@
-// What every change of a boundary must leave: a mesh that conforms, whose boundary has elements, and whose nodes are all used.
+// What every change of a boundary must leave: a mesh that conforms, whose boundary has elements, and whose nodes are
+// all used.
 #pragma once
 
 #include <gtest/gtest.h>
