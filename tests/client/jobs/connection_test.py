@@ -22,7 +22,7 @@ class Connection(WithFolder):
                 self.assertEqual(done.returncode, 5)
                 self.assertIn(f"There is no server at {named}; start varimeshd there", done.stderr)
             self.assertLess(min(took), 1)
-            self.assertLess(max(took), 2)
+            self.assertLess(max(took), 4)
 
     def test_where_nobody_answers_that_is_said_soon(self):
         """As where packets are dropped: the connection is there, and nothing comes."""
@@ -31,7 +31,7 @@ class Connection(WithFolder):
             client = start("jobs", "--server", address)
             begin = time.monotonic()
             line = client.stderr.readline()
-            self.assertLess(time.monotonic() - begin, 2.5)
+            self.assertLess(time.monotonic() - begin, 4)
             self.assertEqual(line, f"varimesh: nothing answers at {address} yet; waiting for up to 5 s\n")
             _, stderr = client.communicate(timeout=30)
             self.assertEqual(client.returncode, 5)

@@ -76,7 +76,7 @@ class Away(support.WithFolder):
             begin = time.monotonic()
             with self.assertRaisesRegex(varimesh.ServerUnreachable, f"There is no server at {address}; start varimeshd"):
                 varimesh.Client(address).info()
-            self.assertLess(time.monotonic() - begin, 2)
+            self.assertLess(time.monotonic() - begin, 4)
 
     def test_a_watch_continues_when_the_server_comes_back(self):
         server = Server("--state", str(self.folder / "state"), folder=self.folder)

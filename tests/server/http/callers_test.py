@@ -46,7 +46,7 @@ class Callers(WithCallers):
         with self.dial(20) as connection:
             connection.sendall(head)
             self.assertIn(b" 401 ", connection.recv(65536), "no byte of the body has come")
-        self.assertLess(time.monotonic() - begun, 1.5)
+        self.assertLess(time.monotonic() - begun, 5)
 
     def test_roles(self):
         job = self.submit_as("ann")

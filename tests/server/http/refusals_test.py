@@ -82,7 +82,7 @@ class Refusals(WithHttp):
         for _ in range(5):
             begun = time.monotonic()
             self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
-            self.assertLess(time.monotonic() - begun, 2)
+            self.assertLess(time.monotonic() - begun, 5)
         codes = [one.recv(4096).split(b" ")[1] for one in slow[2::3]]
         self.assertEqual((codes.count(b"400"), codes.count(b"429")), (4, 9), "four bodies were waited for, and given up")
 

@@ -110,7 +110,7 @@ class Slow(WithHttp):
         for _ in range(5):
             begun = time.monotonic()
             self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
-            self.assertLess(time.monotonic() - begun, 2)
+            self.assertLess(time.monotonic() - begun, 10)
             time.sleep(0.5)
 
 
@@ -157,7 +157,7 @@ class ReadersOfThePage(WithHttp):
         self.addCleanup(reader.join)
         self.addCleanup(ended.set)
         self.assertEqual(self.ask("GET", "/v1/info")[0], 200)
-        self.assertLess(time.monotonic() - begun, 3)
+        self.assertLess(time.monotonic() - begun, 10)
         self.assertGreaterEqual(codes.count(b"HTTP/1.1 200"), 32)
         self.assertGreater(codes.count(b"HTTP/1.1 429"), 200, "the files of the page take the threads of other requests")
         while self.ask_for_script().recv(12) != b"HTTP/1.1 200":

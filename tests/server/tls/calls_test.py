@@ -58,7 +58,7 @@ class Calling(WithCertificates):
                                   ("an expired certificate", as_client(self.folder / "old", "ann"), ours)):
             begin = time.monotonic()
             done = self.jobs(*flags)
-            self.assertLess(time.monotonic() - begin, 3, what)
+            self.assertLess(time.monotonic() - begin, 5, what)
             self.assertEqual((done.returncode, done.stdout), (5, ""), what)
             self.assertIn(says, done.stderr, what)
             self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)  # nothing from gRPC itself
@@ -237,7 +237,7 @@ class CallingFromPython(WithCertificates):
             with self.assertRaisesRegex(varimesh.ServerUnreachable, says), \
                  varimesh.Client(self.server.address, **arguments) as client:
                 client.info()
-            self.assertLess(time.monotonic() - begin, 3, says)
+            self.assertLess(time.monotonic() - begin, 5, says)
         with self.assertRaisesRegex(varimesh.ServerUnreachable, "wants TLS; name the authority"):
             self.works()
         for arguments in ({"authority": self.folder / "none"}, {"authority": MESH}, {"certificate": right["certificate"]}):
