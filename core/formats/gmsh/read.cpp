@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <map>
 
@@ -224,7 +225,8 @@ void set_dimension_and_order(HighOrderMesh& mesh) {
 
 bool begins_like_gmsh(std::string_view bytes) {
   const std::size_t at = bytes.find_first_not_of(" \t\r\n");
-  return at != std::string_view::npos && bytes[at] == '$';
+  return at != std::string_view::npos && bytes[at] == '$' && at + 1 < bytes.size() &&
+         std::isalpha(static_cast<unsigned char>(bytes[at + 1])) != 0;  // comments of Nastran begin with $ too
 }
 
 Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {

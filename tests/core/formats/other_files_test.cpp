@@ -21,7 +21,7 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
   std::string stl(84 + 2 * 50, ' ');
   const std::uint32_t triangles = 2;
   std::memcpy(stl.data() + 80, &triangles, 4);
-  const std::array<std::array<std::string, 3>, 13> files{{
+  const std::array<std::array<std::string, 3>, 16> files{{
       {"ISO-10303-21;\nHEADER;\n", "a STEP file", "gmsh FILE -3"},
       {"\xef\xbb\xbf\r\n ISO-10303-21;\r\nHEADER;\r\n", "a STEP file", "gmsh FILE -3"},
       {std::string(72, ' ') + "S      1\r\n", "an IGES file", "gmsh FILE -3"},
@@ -33,6 +33,9 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
       {"# Blender\n\no Cube\nv 1 1 1\n", "an OBJ file", "meshio convert FILE surface.stl"},
       {"v 1 1 1\n", "an OBJ file", "meshio convert FILE surface.stl"},
       {"NDIME= 2\n", "an SU2 mesh", "gmsh FILE -save"},
+      {"$ Created by Gmsh\nGRID,1,0,0.,0.,0.\n", "a Nastran file", "gmsh FILE -save"},
+      {"BEGIN BULK\n", "a Nastran file", "gmsh FILE -save"},
+      {"    -1\n  2411\n", "UNV", "gmsh FILE -save"},
       {"24 13 5\n0 1\n", "does not begin with a section", "meshio convert FILE"},
       {"\x1f\x8b\b", "a compressed file", "gunzip FILE"},
   }};
