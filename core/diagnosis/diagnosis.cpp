@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
+#include <unordered_set>
 #include <utility>
 
 #include "core/base/index.h"
@@ -207,6 +208,20 @@ std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups
                                 [&](std::int64_t element) { return std::ranges::binary_search(sorted, element); });
   });
   return groups;
+}
+
+std::size_t least_invalid(const std::vector<UnrepairableGroup>& groups) {
+  std::vector<const UnrepairableGroup*> smallest_first;
+  for (const UnrepairableGroup& group : groups) smallest_first.push_back(&group);
+  std::ranges::stable_sort(smallest_first, {}, [](const UnrepairableGroup* group) { return group->cells.size(); });
+  std::unordered_set<std::int32_t> taken;
+  std::size_t count = 0;
+  for (const UnrepairableGroup* group : smallest_first) {
+    if (std::ranges::any_of(group->cells, [&](std::int32_t cell) { return taken.contains(cell); })) continue;
+    taken.insert(group->cells.begin(), group->cells.end());
+    ++count;
+  }
+  return count;
 }
 
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, int threads) {

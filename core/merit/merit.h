@@ -93,6 +93,11 @@ bool costs_shape(const Merit& a, const Merit& b);
 /// Whether a mesh that came in valid has as low a loss of accuracy now as when it came.
 inline bool keeps_loss(const Merit& now, const Merit& as_it_came) { return now.loss <= as_it_came.loss; }
 
+/// Whether the spacing of layers is to stay, and a mesh that was valid as it came may hold what decays from a wall
+/// worse: its error in layers is not known, above threshold::kRisesInLayers times what it was, or, in thin layers, not
+/// far enough below (threshold::kFallsInLayers). `thinnest`: as LayerStart::thinnest (core/layers/layers.h).
+bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest);
+
 /// Whether the minimum of `a` is higher by more than threshold::kHigher.
 bool has_higher_minimum(const Merit& a, const Merit& b);
 

@@ -256,9 +256,9 @@ void Run::keep_the_better() {
   // The descent chooses by the local loss.
   if (is_for_accuracy() && !keeps_loss(merit_of(result_.after), merit_of(at_start_)))
     keep_as_it_came("where the run ended, its loss of accuracy was not lower.");
-  else if (is_for_accuracy() && loses_layers(at_start_, result_.after, options_))
+  else if (is_for_accuracy() && loses_layers(at_start_, result_.after, options_, set_up_.layers.thinnest))
     keep_as_it_came(
-        "where the run ended, the loss of accuracy was lower, but a solver's error in the layers at the wall was "
+        "where the run ended, the loss of accuracy was lower, but a solver's error in the layers at the wall may be "
         "higher.");
   if (options_.target != Target::StraightSided) return;
   QualityReport before = at_start_;
@@ -274,12 +274,6 @@ void Run::keep_the_better() {
                     pair_text(result_.after) + ".";
   if (options_.objective != Objective::Worst) why += " To raise the smallest, try the objective worst.";
   keep_as_it_came(why);
-}
-
-bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options) {
-  const auto &before = as_it_came.in_layers, &after = now.in_layers;
-  return options.layer_spacing == LayerSpacing::Keep && before && as_it_came.uncertified.empty() &&
-         (!after || after->error > threshold::kRisesInLayers * before->error);
 }
 
 void Run::keep_as_it_came(std::string why) {

@@ -164,10 +164,6 @@ class Run {
   Descent::State most_accurate_;  ///< Of the descents so far; while another runs, set_up_.mesh has its coordinates.
 };
 
-/// Whether the spacing of layers is to stay, and a mesh that was valid as it came would hold what decays from a wall
-/// worse: its error in layers is above threshold::kRisesInLayers times what it was, or is not known.
-bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options);
-
 /// Whether a limit or the caller has ended the run.
 bool was_cut_short(const RunSummary& result);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -59,7 +60,7 @@ std::int64_t left(const Result& result) { return merit_of(result.after).uncertif
 /// invalid, and the others need not.
 bool leaves_hope(const Result& result) {
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
-  if (uncertified.size() > with_any_of(result.unrepairable, uncertified).size()) return true;
+  if (uncertified.size() > least_invalid(with_any_of(result.unrepairable, uncertified))) return true;
   if (uncertified.empty()) return false;
   const Cells cells(result.mesh, result.mesh.dimension);
   const std::vector<char> hopeless = cells_beyond_repair(result.unrepairable, cells.count());
@@ -74,7 +75,7 @@ bool leaves_hope(const Result& result) {
 /// Whether the objective is to raise the smallest scaled Jacobian, and the default objective may raise it further.
 bool may_rise(const Options& options, const Result& result) {
   constexpr double kHardlyToBeRaised = 0.95;
-  return options.objective == Objective::Worst && options.until != Until::Valid && left(result) == 0 &&
+  return options.objective == Objective::Worst && options.until != Until::Valid &&
          merit_of(result.after).smallest < kHardlyToBeRaised;
 }
 
@@ -140,9 +141,7 @@ class Attempts {
       if (!is_for(each, so_far)) continue;
       expect_ways(
           std::count_if(&each, kWays.data() + kWays.size(), [&](const Way& way) { return is_for(way, so_far); }));
-      Options options = options_of(each);
-      options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
-      std::optional<Result> other = run(options, set_up_.mesh.coordinates);
+      std::optional<Result> other = try_way(each);
       if (!other) continue;
       tried_ += (tried_.empty() ? "" : ", ") + std::string(each.name);
       if (!should_take(*other, so_far)) continue;
@@ -151,7 +150,7 @@ class Attempts {
     }
     if (best)
       take(std::move(*best), *way);
-    else if (!tried_.empty() && left(result_) > 0)
+    else if (!tried_.empty() && leaves_hope(result_))
       result_.notes.push_back("Tried in vain for what is left: " + tried_ + ".");
     OtherWays ways{true, {}};
     if (raises_order_ && leaves_hope(result_)) ways.left_at_next_order = left_at_next_order();
@@ -160,6 +159,25 @@ class Attempts {
   }
 
  private:
+  std::optional<Result> try_way(const Way& way) {
+    Options options = options_of(way);
+    if (way.objective == Objective::Auto) return run_unbounded(options);
+    options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
+    return run(options, set_up_.mesh.coordinates);
+  }
+
+  /// Runs with as much work as these options need, beside the work of the other attempts.
+  std::optional<Result> run_unbounded(const Options& options) {
+    const double work = work_;
+    const double most_work = std::exchange(most_work_, std::numeric_limits<double>::infinity());
+    const double of_each = std::exchange(work_of_each_, std::numeric_limits<double>::infinity());
+    std::optional<Result> result = run(options, set_up_.mesh.coordinates);
+    work_ = work;
+    most_work_ = most_work;
+    work_of_each_ = of_each;
+    return result;
+  }
+
   /// Tells the forecast that another way begins, and that at most `ways` are tried from here on, this one included.
   void expect_ways(std::ptrdiff_t ways) const {
     if (forecast_ != nullptr) forecast_->other_way(seconds(), static_cast<int>(ways));
@@ -174,13 +192,14 @@ class Attempts {
     const Options& options = set_up_.options;
     if (way.objective == Objective::Auto) return options.objective == Objective::Worst;
     if (left(result) == 0) return has_stayed(set_up_, result) && way.constants == Constants::Reference;
+    if (!leaves_hope(result)) return false;
     const bool is_same =
         options.energy == way.energy && options.target == way.target && options.constants == way.constants;
     return options.objective == Objective::Accuracy || !is_same;
   }
 
   bool should_take(const Result& other, const Result& so_far) const {
-    if (loses_layers(result_.before, other.after, set_up_.options)) return false;
+    if (loses_layers(result_.before, other.after, set_up_.options, set_up_.layers.thinnest)) return false;
     const bool came_valid = result_.before.uncertified.empty();
     Asked asked = set_up_.options.objective == Objective::Worst ? kAskForMinimum : Asked{};
     if (came_valid) {
@@ -241,7 +260,8 @@ class Attempts {
     control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
     const bool is_short = work_of_each_ <= kLeastWork;
-    control.shallow_untangling = control.shallow_untangling || (options.objective == Objective::Energy && !is_short);
+    const bool is_plain = options.energy == Energy::Hyperelastic && options.target == Target::StraightSided;
+    control.shallow_untangling = control.shallow_untangling || (options.objective == Objective::Energy && !is_short && !is_plain);
     Result result = Run(**prepared, pass_on, control, stop_).go();
     // Objective::Worst ends no lower than the default, attempts included, if all cells are valid. And what is said of
     // the next order is what the default reaches there.
@@ -301,7 +321,8 @@ class Attempts {
   void take(Result best, const Way& way) {
     const std::string before = outcome_text(result_), after = outcome_text(best);
     std::optional<Result> whole = run_from(best.mesh);
-    const bool may_take = whole && !loses_layers(result_.before, whole->after, set_up_.options);
+    const bool may_take =
+        whole && !loses_layers(result_.before, whole->after, set_up_.options, set_up_.layers.thinnest);
     if (may_take && !should_take(best, *whole)) best = std::move(*whole);
     if (has_stayed(set_up_, result_)) result_.notes.clear();  // they say that nothing was moved
     result_.notes.push_back("By the run's own way, " + before + ". With " + way.name + ", " + after +

@@ -70,6 +70,19 @@ int count(const std::vector<UnrepairableGroup>& groups, Kind kind) {
   return static_cast<int>(std::ranges::count(groups, kind, &UnrepairableGroup::kind));
 }
 
+UnrepairableGroup group_of(std::vector<std::int32_t> cells) {
+  UnrepairableGroup group;
+  group.cells = std::move(cells);
+  return group;
+}
+
+TEST(LeastInvalid, CountsGroupsWithoutACommonElement) {
+  EXPECT_EQ(least_invalid({}), 0U);
+  EXPECT_EQ(least_invalid({group_of({3}), group_of({3}), group_of({5})}), 2U);
+  EXPECT_EQ(least_invalid({group_of({1, 2, 3}), group_of({3}), group_of({4, 5}), group_of({5})}), 2U);
+  EXPECT_EQ(least_invalid({group_of({1, 2}), group_of({3, 4}), group_of({2, 3})}), 2U);
+}
+
 TEST(Diagnosis, ABoxIsFine) {
   for (const bool tetrahedra : {false, true}) {
     const HighOrderMesh mesh = cubes(3, 2, false, tetrahedra);

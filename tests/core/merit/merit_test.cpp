@@ -161,5 +161,38 @@ TEST(Merit, TheOptionsSayWhatIsAskedFor) {
   EXPECT_EQ(asked_by(options).what, Asked::What::Minimum);
 }
 
+// ===== the error in layers =====
+
+QualityReport with_error_in_layers(double error) {
+  QualityReport report;
+  report.in_layers = LayerError{error, 8};
+  return report;
+}
+
+TEST(LosesLayers, IfTheErrorRises) {
+  const QualityReport came = with_error_in_layers(1);
+  for (const double thinnest : {0.01, 0.3}) {
+    EXPECT_TRUE(loses_layers(came, with_error_in_layers(1.03), {}, thinnest));
+    EXPECT_FALSE(loses_layers(came, with_error_in_layers(1.01), {}, thinnest)) << "nodes have hardly moved";
+    EXPECT_FALSE(loses_layers(came, with_error_in_layers(0.5), {}, thinnest));
+    EXPECT_TRUE(loses_layers(came, {}, {}, thinnest)) << "it is not known any more";
+    EXPECT_FALSE(loses_layers({}, with_error_in_layers(1), {}, thinnest)) << "there were no layers";
+  }
+}
+
+TEST(LosesLayers, IfItFallsTooLittleInThinOnes) {
+  EXPECT_TRUE(loses_layers(with_error_in_layers(1), with_error_in_layers(0.95), {}, 0.01));
+  EXPECT_FALSE(loses_layers(with_error_in_layers(1), with_error_in_layers(0.95), {}, 0.3));
+}
+
+TEST(LosesLayers, UnlessTheirSpacingIsToChangeOrTheMeshCameInvalid) {
+  Options even;
+  even.layer_spacing = LayerSpacing::Even;
+  EXPECT_FALSE(loses_layers(with_error_in_layers(1), with_error_in_layers(2), even, 0.01));
+  QualityReport invalid = with_error_in_layers(1);
+  invalid.uncertified.resize(1);
+  EXPECT_FALSE(loses_layers(invalid, with_error_in_layers(2), {}, 0.01));
+}
+
 }  // namespace
 }  // namespace varimesh

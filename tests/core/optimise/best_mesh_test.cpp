@@ -158,7 +158,9 @@ TEST(ValidMesh, HoldsNoLessInItsLayers) {
     const auto result = optimise(layers_that_follow_a_circle(growth), options);
     ASSERT_TRUE(result) << result.error().sentence;
     ASSERT_TRUE(result->before.uncertified.empty() && result->before.in_layers && result->after.in_layers) << growth;
-    EXPECT_LE(result->after.in_layers->error, 1.02 * result->before.in_layers->error) << growth;
+    const double share = result->after.in_layers->error / result->before.in_layers->error;
+    EXPECT_LE(share, 1.02) << growth;
+    EXPECT_TRUE(share < 0.9 || share > 1 / 1.02) << growth << ": a solver's error may be higher with " << share;
     EXPECT_LE(result->after.accuracy->loss, result->before.accuracy->loss) << growth;
   }
 }

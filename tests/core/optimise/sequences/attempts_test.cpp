@@ -85,6 +85,17 @@ TEST(OtherWays, LetWorstEndNoLowerThanTheDefaultOnAMeshOfOrderOne) {
   EXPECT_GT(raised.after.min_scaled_jacobian, 0.02);  // by its own way it ends at .014
 }
 
+// One element cannot be repaired. By its own way `worst` ends with -.093 there.
+TEST(OtherWays, LetWorstEndNoLowerThanTheDefaultWhereElementsAreLeft) {
+  Options worst;
+  worst.objective = Objective::Worst;
+  const Result lowest = run("cone_p3.msh"), raised = run("cone_p3.msh", worst);
+  ASSERT_EQ(lowest.after.uncertified.size(), 1U);
+  ASSERT_EQ(raised.after.uncertified.size(), 1U);
+  EXPECT_GE(raised.after.min_scaled_jacobian, lowest.after.min_scaled_jacobian);
+  EXPECT_GT(raised.after.min_scaled_jacobian, -0.085);
+}
+
 /// The mesh and the set-up are those of the first run again, although attempts free their tables.
 TEST(OtherWays, SayIfTheNextOrderLeavesFewer) {
   const Result result = run("reentrant_2_of_4.msh");
