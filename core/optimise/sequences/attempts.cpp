@@ -261,7 +261,8 @@ class Attempts {
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
     const bool is_short = work_of_each_ <= kLeastWork;
     const bool is_plain = options.energy == Energy::Hyperelastic && options.target == Target::StraightSided;
-    control.shallow_untangling = control.shallow_untangling || (options.objective == Objective::Energy && !is_short && !is_plain);
+    control.shallow_untangling =
+        control.shallow_untangling || (options.objective == Objective::Energy && !is_short && !is_plain);
     Result result = Run(**prepared, pass_on, control, stop_).go();
     // Objective::Worst ends no lower than the default, attempts included, if all cells are valid. And what is said of
     // the next order is what the default reaches there.

@@ -24,7 +24,8 @@ struct OtherWays {
 /// - has left cells in no unrepairable group, or more cells than such groups keep at least (least_invalid()): the first
 ///   way that leaves no such cell is taken, or else the one that leaves the fewest;
 /// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
-/// - or has Objective::Worst: the default objective is tried too, whatever its work, and taken if it leaves fewer cells,
+/// - or has Objective::Worst: the default objective is tried too, whatever its work, and taken if it leaves fewer
+/// cells,
 ///   or as many and a higher minimum;
 /// - or has Objective::Accuracy, and small patches have made the mesh valid after the descent: the run goes on from
 ///   this mesh, and nothing else is tried.
