@@ -32,8 +32,8 @@ struct LayerStart {
 ///
 /// - In a mesh that is valid, cells stay as they are if their nodes lie near parallel surfaces: to within a fiftieth of
 ///   the height of the cell along the normal of the wall, and a tenth of its width along the wall.
-/// - Otherwise the nodes of cells go to parallel surfaces if the cells are not certified valid or less high than one
-///   and a half times their width. Cells get their nodes back if they would lose a certificate by it, or do not become
+/// - Otherwise the nodes of cells go to parallel surfaces if the cells are not certified valid or less high than
+///   four times their width. Cells get their nodes back if they would lose a certificate by it, or do not become
 ///   valid.
 /// - With a spacing that is not kept, the walls may be flat. The nodes of all cells that are at most twice as high as
 ///   wide go to parallel surfaces with that spacing. Nodes on flat sides at which a wall ends, such as planes of

@@ -60,6 +60,40 @@ TEST_P(OfShape, PlacesNodesOnParallelSurfaces) {
   }
 }
 
+// On top, nodes are away from the parallel surface by as much as the threshold. If those counted that are farther away,
+// and the others not, the nodes between would not lie on a smooth surface.
+TEST(Layers, FadeSmoothlyToATopThatIsHardlyAway) {
+  const Layers straight{Shape::Quadrilateral, 5, 6, 1e-2, 1.6, Inside::StraightSided};
+  Layers parallel = straight;
+  parallel.inside = Inside::Parallel;
+  HighOrderMesh mesh = make(straight);
+  const HighOrderMesh wanted = make(parallel);
+  const double below = 1 + straight.height(5), top = 1 + straight.height(6), step = std::acos(-1.0) / 2 / kAround;
+  /// How far the node is to be above the parallel surface.
+  const auto away = [&](std::size_t node) {
+    const double *x = &wanted.coordinates[3 * node], radius = std::hypot(x[0], x[1]);
+    const double part = std::abs(std::remainder(std::atan2(x[0], x[1]), step)) / step;  // at most 1/2
+    const double at_top = part < 0.1 ? 0 : (part < 0.3 ? 0.8e-3 : 1.2e-3) * (top - below);
+    return std::max(0.0, (radius - below) / (top - below)) * at_top;
+  };
+  const auto is_on_top = [&](std::size_t node) {
+    return std::hypot(wanted.coordinates[3 * node], wanted.coordinates[3 * node + 1]) > top - 1e-9;
+  };
+  const auto raised = [&](std::size_t node, std::size_t c) {
+    const double *x = &wanted.coordinates[3 * node], radius = std::hypot(x[0], x[1]);
+    return x[c] * (1 + away(node) / radius);
+  };
+  for (std::size_t node = 0; node < mesh.node_count(); ++node)
+    for (std::size_t c = 0; c < 2; ++c)
+      if (is_on_top(node)) mesh.coordinates[3 * node + c] = raised(node, c);
+  const LayerStart started = start(mesh);
+  ASSERT_EQ(started.placed, started.cells);
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  for (std::size_t node = 0; node < mesh.node_count(); ++node)
+    for (std::size_t c = 0; c < 2 && !fixed[node]; ++c)
+      EXPECT_NEAR(started.coordinates[3 * node + c], raised(node, c), 1e-4 * (top - below)) << node;
+}
+
 std::string name_of(const testing::TestParamInfo<std::tuple<Shape, int>>& info) {
   return std::string(reference::info(std::get<0>(info.param)).name) + "_p" + std::to_string(std::get<1>(info.param));
 }
