@@ -86,9 +86,11 @@ bool has_higher_minimum(const Merit& a, const Merit& b) { return a.smallest > b.
 bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest) {
   const auto &before = as_it_came.in_layers, &after = now.in_layers;
   if (options.layer_spacing != LayerSpacing::Keep || !before || !as_it_came.uncertified.empty()) return false;
-  if (!after || after->error > threshold::kRisesInLayers * before->error) return true;
+  const bool are_thin = thinnest < threshold::kThinLayers;
+  const double most = are_thin ? threshold::kStaysInLayers : threshold::kRisesInLayers;
+  if (!after || after->error > most * before->error) return true;
   const bool has_moved = after->error < before->error / threshold::kRisesInLayers;
-  return has_moved && thinnest < threshold::kThinLayers && after->error > threshold::kFallsInLayers * before->error;
+  return has_moved && are_thin && after->error > threshold::kFallsInLayers * before->error;
 }
 
 }  // namespace varimesh
