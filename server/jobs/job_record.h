@@ -54,6 +54,8 @@ class JobTransitions {
   void claim_call(JobRecord& record, std::chrono::milliseconds patience) const;
   /// Returns false if the call has ended already, so that nothing changes.
   bool note_call(JobRecord& record, const CallOutcome& outcome) const;
+  /// Tells that the job waits for a device and no server lends one.
+  Changed tell_of_missing_devices(JobRecord& record) const;
 
  private:
   v1::JobEvent number(JobRecord& record, v1::JobEvent event) const;

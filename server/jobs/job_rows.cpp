@@ -210,10 +210,11 @@ bool insert_job(JobWork& work, const Submission& submission, JobRow& row, const 
   else
     values.add(submission.request_id);
   add_record(values, row.record, job);
+  values.add(std::int64_t{submission.needs_device});
   row.key = sql.number(
       "INSERT INTO jobs(name, owner, peer, trace, turn, request_id, state, ended, token, lost, furthest, worker, "
-      "lease_end, history, checkpoint, checkpoint_iteration, job) VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, "
-      "$12, $13, $14, $15, $16, $17) ON CONFLICT(owner, request_id) DO NOTHING RETURNING key",
+      "lease_end, history, checkpoint, checkpoint_iteration, job, needs_device) VALUES($1, $2, $3, $4, $5, $6, $7, $8, "
+      "$9, $10, $11, $12, $13, $14, $15, $16, $17, $18) ON CONFLICT(owner, request_id) DO NOTHING RETURNING key",
       values);
   if (row.key == 0) return false;
   if (sums) sql.ask("UPDATE jobs SET sum = $2 WHERE key = $1", SqlValues().add(row.key).add(sum_of_job(row, job)));

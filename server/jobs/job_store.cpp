@@ -58,20 +58,24 @@ auto change(JobDatabase& database, const Claim& claim, const Work& work, Outcome
       outcome);
 }
 
-/// Returns the peers that have waiting jobs, and of which fewer than `most` run (0: any number), in the order in which
-/// they are served. The database finds each of them in an index, however many jobs it has.
-std::vector<std::string> peers_in_turn(Sql& sql, int most) {
+/// Returns the condition of the jobs that can be claimed. An index has them in the order of their peers and turns.
+std::string is_waiting(const ClaimFilter& filter) {
+  return filter.needs_no_device ? "state = 1 AND needs_device = 0" : "state = 1";
+}
+
+/// Returns the peers that have jobs that are `waiting`, and of which fewer than `most` run (0: any number), in the
+/// order in which they are served. The database finds each of them in an index, however many jobs it has.
+std::vector<std::string> peers_in_turn(Sql& sql, const std::string& waiting, int most) {
   std::vector<std::string> peers;
-  sql.ask(
-      "WITH RECURSIVE waiting(peer) AS (SELECT (SELECT peer FROM jobs WHERE state = 1 ORDER BY peer LIMIT 1) UNION ALL "
-      "SELECT (SELECT peer FROM jobs WHERE state = 1 AND peer > waiting.peer ORDER BY peer LIMIT 1) FROM waiting "
-      "WHERE waiting.peer IS NOT NULL), "
-      "running AS (SELECT peer, count(*) AS number FROM jobs WHERE worker <> '' GROUP BY peer) "
-      "SELECT waiting.peer FROM waiting LEFT JOIN running ON running.peer = waiting.peer "
-      "LEFT JOIN turns ON turns.peer = waiting.peer WHERE waiting.peer IS NOT NULL "
-      "AND (waiting.peer = '' OR $1 = 0 OR coalesce(number, 0) < $1) "
-      "ORDER BY coalesce(number, 0), coalesce(served, 0), waiting.peer",
-      SqlValues().add(most), [&](const SqlRow& row) { peers.push_back(row.text(0)); });
+  sql.ask("WITH RECURSIVE waiting(peer) AS (SELECT (SELECT peer FROM jobs WHERE " + waiting +
+              " ORDER BY peer LIMIT 1) UNION ALL SELECT (SELECT peer FROM jobs WHERE " + waiting +
+              " AND peer > waiting.peer ORDER BY peer LIMIT 1) FROM waiting WHERE waiting.peer IS NOT NULL), "
+              "running AS (SELECT peer, count(*) AS number FROM jobs WHERE worker <> '' GROUP BY peer) "
+              "SELECT waiting.peer FROM waiting LEFT JOIN running ON running.peer = waiting.peer "
+              "LEFT JOIN turns ON turns.peer = waiting.peer WHERE waiting.peer IS NOT NULL "
+              "AND (waiting.peer = '' OR $1 = 0 OR coalesce(number, 0) < $1) "
+              "ORDER BY coalesce(number, 0), coalesce(served, 0), waiting.peer",
+          SqlValues().add(most), [&](const SqlRow& row) { peers.push_back(row.text(0)); });
   return peers;
 }
 
@@ -197,23 +201,24 @@ Answer<Changed> JobStore::remove(const std::string& name) {
 
 // ===== calls of workers =====
 
-Answer<std::optional<Claimed>> JobStore::claim(const std::string& worker, bool only_first) {
+Answer<std::optional<Claimed>> JobStore::claim(const std::string& worker, const ClaimFilter& filter) {
   using Result = std::optional<Claimed>;
+  const std::string waiting = is_waiting(filter);
   // The queue is usually empty, and then no transaction is needed.
-  const auto waits = read_jobs(*database_, [](Sql& sql) -> Answer<bool> {
-    return sql.number("SELECT count(*) FROM (SELECT 1 FROM jobs WHERE state = 1 LIMIT 1) AS first") > 0;
+  const auto waits = read_jobs(*database_, [&](Sql& sql) -> Answer<bool> {
+    return sql.number("SELECT count(*) FROM (SELECT 1 FROM jobs WHERE " + waiting + " LIMIT 1) AS first") > 0;
   });
   if (!waits) return tl::unexpected(waits.error());
   if (!*waits) return Result();
   return write(*database_, [&](JobWork& work) -> Answer<Result> {
     Sql& sql = work.sql;
-    const int most = only_first ? 1 : settings_.max_running_of_peer;
+    const int most = filter.only_first ? 1 : settings_.max_running_of_peer;
     // Two workers that count at the same time would both take the last place of a peer.
     if (most > 0) sql.ask(sql.dialect().lock_claims);
-    for (const std::string& peer : peers_in_turn(sql, most)) {
+    for (const std::string& peer : peers_in_turn(sql, waiting, most)) {
       std::int64_t key = 0;
       Answer<JobRow> row;
-      sql.ask(select_jobs(sql, std::string("WHERE state = 1 AND peer = $1 ORDER BY turn, jobs.key LIMIT 1") +
+      sql.ask(select_jobs(sql, "WHERE " + waiting + " AND peer = $1 ORDER BY turn, jobs.key LIMIT 1" +
                                    sql.dialect().lock_or_skip),
               SqlValues().add(peer), [&](const SqlRow& from) {
                 key = from.number(0);

@@ -86,6 +86,21 @@ struct Submission {
   int max_pending_of_peer = 0;  ///< PEER_LIMIT if this many jobs of the peer already wait. 0: no limit.
   std::string owner = {};       ///< Whose job it is. Each owner has request ids of its own. Empty: nobody's.
   std::string trace = {};       ///< The place of the job in a trace, as a header "traceparent".
+  bool needs_device = false;    ///< Only a server that lends devices takes the job, if the store is shared.
+};
+
+/// Which jobs a worker would take now.
+struct ClaimFilter {
+  bool only_first = false;       ///< Only of a peer none of whose jobs runs.
+  bool needs_no_device = false;  ///< Only those that any server can take.
+};
+
+/// Devices that servers lend to jobs.
+struct LentDevices {
+  int devices = 0;
+  int busy = 0;            ///< Devices that a job has.
+  int jobs = 0;            ///< Jobs that have a device.
+  std::string names = {};  ///< Different cards with ", " between them.
 };
 
 /// A job that refers to something in the mesh store.
@@ -201,8 +216,7 @@ class JobStore {
   /// that already have as many running as they may have. Peers take turns, so that nobody waits for all jobs of
   /// somebody else: the next peer is the one with the fewest running jobs, and among equals the one whose last turn was
   /// longest ago. The jobs of each peer come in the order of turn_of().
-  /// `only_first`: only of a peer none of whose jobs runs.
-  Answer<std::optional<Claimed>> claim(const std::string& worker, bool only_first = false);
+  Answer<std::optional<Claimed>> claim(const std::string& worker, const ClaimFilter& filter = {});
   /// Renews the lease. Returns true if the job is to be cancelled.
   Answer<bool> renew_lease(const Claim& claim);
   /// Records the newest iteration for watchers that connect later. Called at most twice per second and job.
@@ -223,6 +237,16 @@ class JobStore {
   /// none. They become PENDING, or CANCELLED if that was requested, or FAILED after the last attempt. The jobs in
   /// `running` are not taken back: the caller runs them but could not renew their leases.
   Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running);
+
+  // Devices, in job_devices.cpp. Only the servers of a shared store have to tell each other of theirs; in other stores
+  // these calls do nothing.
+  /// Tells the other servers which devices `worker` lends. It counts for one lease time. A call that cannot reach the
+  /// database is skipped.
+  Answer<void> note_devices(const std::string& worker, const LentDevices& devices);
+  /// Returns what all servers together lend, as each has told last.
+  Answer<LentDevices> lent_devices();
+  /// If no server lends devices, tells the jobs that wait for one so: each gets a log line as an event, once.
+  Answer<std::vector<Changed>> tell_of_missing_devices();
 
   /// Claims the webhook that was to be called first, and returns its job, or nothing if none is to be called now. It is
   /// claimed again after `patience` unless note_call() is called before that, since whoever calls it may be lost.

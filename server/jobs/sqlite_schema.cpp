@@ -8,7 +8,7 @@ namespace varimesh::server {
 namespace {
 
 /// The version of the tables below. A change of the tables gets a new version and a step that updates older tables.
-constexpr int kVersion = 7;
+constexpr int kVersion = 8;
 
 // The spec never changes and may be large. It has a table of its own, so that it is not written with every change of a
 // job.
@@ -108,6 +108,11 @@ ALTER TABLE jobs ADD COLUMN call_due INTEGER;  -- when its webhook is called nex
 CREATE INDEX jobs_calling ON jobs(call_due) WHERE call_due IS NOT NULL;
 PRAGMA user_version = 7;
 )";
+constexpr char kToVersion8[] = R"(
+ALTER TABLE jobs ADD COLUMN needs_device INTEGER NOT NULL DEFAULT 0;  -- 1: only a server that lends devices takes it
+CREATE INDEX jobs_waiting_anywhere ON jobs(peer, turn, key) WHERE state = 1 AND needs_device = 0;
+PRAGMA user_version = 8;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 // The last turn of each peer, which is forgotten with the process.
@@ -132,6 +137,7 @@ bool set_up_schema(SqliteDatabase& database) {
   if (version < 5) database.run(kToVersion5);
   if (version < 6) database.run(kToVersion6);
   if (version < 7) database.run(kToVersion7);
+  if (version < 8) database.run(kToVersion8);
   if (version < 4) add_sums(database);
   transaction.commit();
   return true;

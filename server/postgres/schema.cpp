@@ -105,10 +105,24 @@ constexpr char kToVersion7[] = R"(
 ALTER TABLE jobs ADD COLUMN call_due BIGINT;  -- when its webhook is called next, in nanoseconds since 1970; NULL: never
 CREATE INDEX jobs_calling ON jobs(call_due) WHERE call_due IS NOT NULL;
 )";
+// Jobs that need a device go to servers that lend one, and these tell so in a table. Servers of an older version, which
+// may still run, submit jobs that any server takes, and take every job.
+constexpr char kToVersion8[] = R"(
+ALTER TABLE jobs ADD COLUMN needs_device INTEGER NOT NULL DEFAULT 0;  -- 1: needs one; 2: and was told that none is there
+CREATE INDEX jobs_waiting_anywhere ON jobs(peer, turn, key) WHERE state = 1 AND needs_device = 0;
+CREATE INDEX jobs_waiting_for_device ON jobs(key) WHERE state = 1 AND needs_device = 1;
+CREATE TABLE lent_devices(
+  worker TEXT PRIMARY KEY,
+  lease_end BIGINT NOT NULL,                            -- until when this counts, in nanoseconds since 1970
+  names TEXT NOT NULL,                                  -- of the cards, with ", " between them
+  devices INTEGER NOT NULL, busy INTEGER NOT NULL, jobs INTEGER NOT NULL
+);
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4, kToVersion5, kToVersion6, kToVersion7};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4,
+                                  kToVersion5, kToVersion6, kToVersion7, kToVersion8};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

@@ -41,6 +41,8 @@ class DeviceBudget {
       : devices_(std::move(devices)), jobs_each_(jobs_each), jobs_(devices_.size()) {}
 
   int devices() const { return static_cast<int>(devices_.size()); }
+  /// How many jobs may have a device at a time.
+  int most_jobs() const { return devices() * jobs_each_; }
   /// Devices that a job has.
   int busy() const;
   /// Jobs that have a device.

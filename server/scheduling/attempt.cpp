@@ -224,10 +224,8 @@ std::shared_ptr<const Blob> saved_state(const Attempt& attempt) {
 
 /// Takes the device of the run, if the job asks for one that the run can use. False if the attempt is to end.
 bool take_device(const Attempt& attempt, const Options& options, Progress& progress, DeviceForRun& device) {
-  const bool uses =
-      !attempt.claim.spec.has_quality() && (!attempt.engine.uses_device || attempt.engine.uses_device(options));
   return device.take(
-      uses ? options.device : DeviceChoice::Cpu, attempt.claim.lost > 0, attempt.threads,
+      device_asked_for(attempt.claim.spec, options, attempt.engine), attempt.claim.lost > 0, attempt.threads,
       [&] { return attempt.cancelled() || attempt.stopping(); },
       [&](const std::string& sentence) { progress.note(sentence); });
 }

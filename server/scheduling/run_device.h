@@ -15,6 +15,12 @@
 
 namespace varimesh::server {
 
+/// Which device the run of a job asks for: none if it makes no steps that a device could make.
+inline DeviceChoice device_asked_for(const v1::JobSpec& spec, const Options& options, const Engine& engine) {
+  const bool uses = !spec.has_quality() && (!engine.uses_device || engine.uses_device(options));
+  return uses ? options.device : DeviceChoice::Cpu;
+}
+
 /// The device of a run. A run with DeviceChoice::Gpu waits for one; meanwhile other jobs have its threads. A run with
 /// DeviceChoice::Auto takes one that is free, or none.
 class DeviceForRun {

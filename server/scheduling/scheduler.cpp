@@ -1,5 +1,5 @@
-// The life of a job, from its submission to its deletion. The leases are in leases.cpp, and what a submission must
-// meet is in checks.cpp.
+// The life of a job, from its submission to its deletion. Claims and leases are in leases.cpp, and what a submission
+// must meet is in checks.cpp.
 #include "server/scheduling/scheduler.h"
 
 #include <algorithm>
@@ -64,8 +64,9 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     submissions_.give_back(submitter.peer);
     return mesh_missing(digest);
   }
+  const bool for_device = needs_device(spec);
   auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending, submitter.peer,
-                                  settings_.max_pending_of_peer, submitter.owner, submitter.trace});
+                                  settings_.max_pending_of_peer, submitter.owner, submitter.trace, for_device});
   const bool is_new = submitted && !submitted->events.empty();
   // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
   const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
@@ -75,6 +76,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   if (!is_new) return get(submitted->job.name());
   settings_.log(submitted->job.name(), "submitted");
   settings_.noted(submitted->job);
+  if (for_device) tell_of_missing_devices();
   start_jobs();
   return submitted->job;
 }
@@ -194,48 +196,6 @@ void Scheduler::forget(const Changed& removed) {
 }
 
 // ===== running =====
-
-std::shared_ptr<Scheduler::Running> Scheduler::claim() {
-  bool only_first = false;
-  {
-    std::lock_guard lock(mutex_);
-    // A job that waits for memory has no thread. Who has such jobs gets no others in their places.
-    const int claimed = static_cast<int>(running_.size()) + claiming_;
-    only_first = claimed >= settings_.threads;
-    if (stopping_ || claimed - resting_ >= settings_.threads || claimed >= 2 * settings_.threads) return nullptr;
-    ++claiming_;
-    ++inside_;
-  }
-  auto claimed = jobs_->claim(settings_.worker, only_first);
-  if (!claimed) settings_.log("jobs", "cannot be claimed: " + claimed.error().sentence);
-  std::shared_ptr<Running> running;
-  if (claimed && *claimed) {
-    running = std::make_shared<Running>();
-    running->claim = std::move((*claimed)->claim);
-    running->log = logs_.claimed(running->claim.name, std::move((*claimed)->events));
-  }
-  std::lock_guard lock(mutex_);
-  --claiming_;
-  if (running == nullptr) {
-    --inside_;
-    ended_.notify_all();
-    return nullptr;
-  }
-  running_[running->claim.name] = running;
-  // A cancel request that came before this line has not found the job among the running ones.
-  if (running->log->state() == v1::JOB_STATE_CANCELLING || (stopping_ && !jobs_->durable())) running->cancelled = true;
-  return running;
-}
-
-void Scheduler::start_jobs() {
-  while (true) {
-    const std::shared_ptr<Running> running = claim();
-    if (running == nullptr) return;
-    const int asked = running->claim.spec.options().threads();
-    settings_.launch(asked > 0 ? std::min(asked, settings_.threads) : settings_.threads,
-                     [this, running](const LentThreads& threads) { run(running, threads); });
-  }
-}
 
 void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& threads) {
   const Claim& claim = running->claim;
@@ -378,6 +338,7 @@ void Scheduler::stop(std::chrono::milliseconds patience) {
 }
 
 bool Scheduler::drain(std::chrono::steady_clock::time_point deadline) {
+  note_devices(false);
   std::map<std::string, std::shared_ptr<Running>> left;
   {
     std::unique_lock lock(mutex_);

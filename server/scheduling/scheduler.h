@@ -89,8 +89,10 @@ class Scheduler {
   Answer<JobCounts> counts() { return jobs_->counts(); }
   Answer<std::optional<TimePoint>> oldest_pending() { return jobs_->oldest_pending(); }
 
+  /// The devices of this server.
   const DeviceBudget& devices() const { return devices_; }
-  const std::string& device_names() const { return settings_.device_names; }
+  /// The devices that jobs may have: those of this server or, if the store is shared, of all its servers.
+  LentDevices lent_devices();
   /// Takes the spans of calls too.
   const SpanSink& spans() const { return settings_.spans; }
 
@@ -123,6 +125,7 @@ class Scheduler {
     Claim claim;
     std::shared_ptr<EventLog> log;
     std::atomic<bool> cancelled = false;
+    bool needs_device = false;  ///< The run waits for a device.
   };
 
   Answer<void> check(const v1::JobSpec& spec, bool is_admin);
@@ -142,10 +145,6 @@ class Scheduler {
   Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);
   void release(const std::vector<std::string>& digests);
   void forget(const Changed& removed);
-  /// Claims a job if fewer run than may run. Returns null if there is none.
-  std::shared_ptr<Running> claim();
-
-  void start_jobs();
   /// A running job begins, or stops, waiting for memory.
   void rest(const LentThreads& threads, bool rests);
   void run(const std::shared_ptr<Running>& running, const LentThreads& threads);
@@ -159,6 +158,18 @@ class Scheduler {
   /// Deletes the jobs that ended too long ago.
   void forget_old();
   // leases.cpp:
+  /// Whether a job must run where a device is.
+  bool needs_device(const v1::JobSpec& spec) const;
+  /// Whether a job that needs a device may be claimed: in a farm only if it would not wait for one here, since another
+  /// server may have one that is free. `mutex_` is held.
+  bool takes_job_for_device() const;
+  /// Claims a job if fewer run than may run. Returns null if there is none.
+  std::shared_ptr<Running> claim();
+  void start_jobs();
+  LentDevices own_devices() const;
+  /// Tells the other servers of a farm which devices this one lends: its own, or none any more.
+  void note_devices(bool lends);
+  void tell_of_missing_devices();
   void renew_leases();
   void renew_lease(Running& running);
   /// Acts on what another process has done.
@@ -177,9 +188,10 @@ class Scheduler {
   std::mutex mutex_;  ///< Never held while a store works.
   std::condition_variable ended_;
   std::map<std::string, std::shared_ptr<Running>> running_;
-  int claiming_ = 0;  ///< Threads that claim a job.
-  int resting_ = 0;   ///< Running jobs that wait for memory.
-  int inside_ = 0;    ///< Those, and threads in run() or about to enter it.
+  int claiming_ = 0;             ///< Threads that claim a job.
+  int claiming_for_device_ = 0;  ///< Those of them whose job may need a device.
+  int resting_ = 0;              ///< Running jobs that wait for memory.
+  int inside_ = 0;               ///< Those, and threads in run() or about to enter it.
   std::atomic<bool> stopping_ = false;
   std::atomic<std::chrono::milliseconds> stop_patience_ = std::chrono::milliseconds(0);  ///< Set before stopping_.
   SteadyTime next_renewal_{};                                                            ///< Used only by tick().

@@ -97,12 +97,12 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
 /// Peers take turns.
 class FairTurns : public JobStoreConformance {
  protected:
-  std::string submit_as(const std::string& peer, int priority = 0) {
+  std::string submit_as(const std::string& peer, int priority = 0, bool needs_device = false) {
     now_ += std::chrono::milliseconds(1);
     v1::JobSpec wanted = spec();
     wanted.set_priority(priority);
     const std::string name = "jobs/" + peer + std::to_string(++names_);
-    EXPECT_TRUE(store_->submit({"", wanted, name, 10'000, peer, 0, peer}));
+    EXPECT_TRUE(store_->submit({"", wanted, name, 10'000, peer, 0, peer, {}, needs_device}));
     return name;
   }
   /// Runs the next job to its end and returns its name.

@@ -48,6 +48,25 @@ TEST_P(FairTurns, RunningJobsCountAsTurns) {
   EXPECT_TRUE(claim().name.starts_with("jobs/bob")) << "one of Bob's jobs runs, and two of Ann's";
 }
 
+TEST_P(FairTurns, JobsThatNeedADeviceAreLeftToWhoHasOne) {
+  const std::string first = submit_as("ann", 0, true), later = submit_as("ann"), of_bob = submit_as("bob", 0, true);
+  const auto next = [&](bool has_device) {
+    const auto claimed = *store_->claim("worker", {.needs_no_device = !has_device});
+    return claimed ? claimed->claim : Claim();
+  };
+  EXPECT_EQ(next(false).name, later) << "whatever waits before it";
+  EXPECT_EQ(next(false).name, "");
+  const Claim lost = next(true);
+  EXPECT_EQ(lost.name, of_bob) << "ann has a job that runs";
+  EXPECT_EQ(next(true).name, first);
+  EXPECT_EQ(next(true).name, "");
+  Ending given_back;
+  given_back.state = v1::JOB_STATE_PENDING;
+  ASSERT_TRUE(store_->finish(lost, given_back, 0));
+  EXPECT_EQ(next(false).name, "") << "it needs one as before";
+  EXPECT_EQ(next(true).name, of_bob);
+}
+
 TEST_P(FairTurns, NobodyFillsTheQueueForOthers) {
   const auto reason_of = [&](const std::string& peer) {
     const auto submitted = store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 3, peer, 0, peer});

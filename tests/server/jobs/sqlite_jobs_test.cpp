@@ -171,5 +171,18 @@ TEST(SqliteJobs, UpdatesOldTables) {
   }
 }
 
+TEST(SqliteJobs, UpdatesTablesThatKnowNoDevices) {
+  InFile place;
+  ASSERT_TRUE(place.open({})->submit({"", {}, "jobs/old", 10, {}, 0}));
+  SqliteDatabase((place.directory() / "jobs.sqlite").string())
+      .run("DROP INDEX jobs_waiting_anywhere; ALTER TABLE jobs DROP COLUMN needs_device; PRAGMA user_version = 7;");
+  const auto store = place.open({});
+  ASSERT_TRUE(store->submit({"", {}, "jobs/new", 10, {}, 0, {}, {}, true}));
+  std::set<std::string> claimed;
+  while (const auto next = *store->claim("worker", {.needs_no_device = true})) claimed.insert(next->claim.name);
+  EXPECT_EQ(claimed, std::set<std::string>{"jobs/old"}) << "it was submitted when every server took it";
+  EXPECT_EQ((*store->claim("worker"))->claim.name, "jobs/new");
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing

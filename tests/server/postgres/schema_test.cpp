@@ -45,7 +45,8 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
       "jobs(peer) WHERE state = 1; CREATE INDEX jobs_running ON jobs(key) WHERE worker <> ''; CREATE INDEX jobs_ended "
       "ON "
       "jobs(ended, key) WHERE ended IS NOT NULL; "
-      "ALTER TABLE jobs DROP COLUMN cancel_unseen, DROP COLUMN trace, DROP COLUMN call_due; DELETE FROM varimesh_schema WHERE version > 1");
+      "ALTER TABLE jobs DROP COLUMN cancel_unseen, DROP COLUMN trace, DROP COLUMN call_due, DROP COLUMN needs_device; "
+      "DROP TABLE lent_devices; DELETE FROM varimesh_schema WHERE version > 1");
   const auto refused = open_postgres_jobs(at(place));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;
@@ -58,6 +59,25 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
   EXPECT_EQ(*store->referenced({mesh, other, geometry}), (std::set{mesh, geometry}))
       << "the needs of the jobs that were there";
   EXPECT_TRUE(*store->claim("worker"));
+}
+
+TEST(PostgresSchema, IsUpdatedWhileServersWithoutDevicesRun) {
+  InDatabase place;
+  auto store = InDatabase::open({}, place.url());
+  ASSERT_TRUE(store->submit({"", {}, "jobs/old", 10, {}, 0}));
+  store.reset();
+  place.run(
+      "ALTER TABLE jobs DROP COLUMN needs_device; DROP TABLE lent_devices; DELETE FROM varimesh_schema WHERE version > 7");
+  ASSERT_TRUE(migrate_postgres(place.url()));
+  // As a server of version 7 does it.
+  place.run(
+      "INSERT INTO jobs(name, owner, peer, trace, turn, state, token, lost, furthest, worker, lease_end, history, "
+      "checkpoint_iteration, job) SELECT 'jobs/as-before', owner, peer, trace, turn, state, token, lost, furthest, worker, "
+      "lease_end, history, checkpoint_iteration, job FROM jobs; INSERT INTO specs SELECT max(key), '' FROM jobs");
+  store = InDatabase::open({}, place.url());
+  int claimed = 0;
+  while (*store->claim("worker", {.needs_no_device = true})) ++claimed;
+  EXPECT_EQ(claimed, 2) << "every server takes them";
 }
 
 TEST(PostgresSchema, IsMadeByTwoProgramsAtTheSameTime) {

@@ -33,13 +33,16 @@ Engine endless_engine() {
 
 /// A scheduler with a store of its own. Leases are renewed only when a test calls tick().
 struct Node {
-  Node(const InDatabase& place, DirectoryMeshStore& meshes, std::string name, int threads) {
+  Node(const InDatabase& place, DirectoryMeshStore& meshes, std::string name, int threads,
+       std::vector<std::string> devices = {}) {
     JobStoreSettings settings;
     settings.clock = nullptr;
     jobs = InDatabase::open(settings, place.url());
     SchedulerSettings scheduling;
     scheduling.threads = threads;
     scheduling.worker = name;
+    scheduling.devices = std::move(devices);
+    scheduling.device_names = scheduling.devices.empty() ? "" : "T4";
     scheduling.renewal_interval = milliseconds(0);
     scheduling.new_name = [this, name] { return "jobs/" + name + std::to_string(++names); };
     scheduling.launch = [this](int, SchedulerSettings::Job job) {
@@ -69,7 +72,8 @@ class TwoServers : public ::testing::Test {
     spec_.mutable_mesh()->set_digest(writer->commit()->digest);
   }
 
-  std::string submit() {
+  std::string submit(v1::Device device = v1::DEVICE_UNSPECIFIED) {
+    spec_.mutable_options()->set_device(device);
     const auto job = front_.scheduler->submit("", spec_, false);
     EXPECT_TRUE(job) << job.error().sentence;
     return job ? job->name() : "";
@@ -178,6 +182,37 @@ TEST_F(TwoServers, StopARunWhoseLeaseWasLostAndThrowItsResultAway) {
   EXPECT_LT(wait_for(next, v1::JOB_STATE_RUNNING), seconds(20));
   EXPECT_EQ(front_.scheduler->get(name)->state(), v1::JOB_STATE_RUNNING) << "of the other worker";
   EXPECT_EQ(front_.scheduler->get(name)->results_size(), 0);
+}
+
+TEST_F(TwoServers, LeaveJobsThatNeedADeviceToOneThatHasSome) {
+  const auto worker_of = [&](const std::string& name) {
+    return place_.run("SELECT worker FROM jobs WHERE name = '" + name + "'").text(0, 0);
+  };
+  const std::string first = submit(v1::DEVICE_GPU), second = submit(v1::DEVICE_GPU), plain = submit(v1::DEVICE_AUTO);
+  EXPECT_LT(wait_for(plain, v1::JOB_STATE_RUNNING), seconds(5)) << "although others have waited for longer";
+  EXPECT_EQ(worker_of(plain), "worker");
+  EXPECT_EQ(front_.scheduler->get(first)->state(), v1::JOB_STATE_PENDING);
+  EXPECT_EQ(front_.jobs->events(first)->size(), 2u) << "it is told that no device is there";
+  EXPECT_EQ(front_.scheduler->lent_devices().devices, 0);
+  {
+    Node other(place_, *meshes_, "other", 2, {"0"});
+    EXPECT_LT(wait_for(first, v1::JOB_STATE_RUNNING), seconds(5));
+    EXPECT_EQ(worker_of(first), "other");
+    EXPECT_EQ(front_.scheduler->lent_devices().devices, 1);
+    EXPECT_EQ(front_.scheduler->lent_devices().names, "T4");
+    other.scheduler->tick();
+    EXPECT_EQ(worker_of(second), "") << "it does not wait where another job has the device";
+    const std::string beside = submit(v1::DEVICE_CPU);
+    EXPECT_LT(wait_for(beside, v1::JOB_STATE_RUNNING), seconds(5));
+    EXPECT_EQ(worker_of(beside), "other");
+    front_.scheduler->cancel(first);
+    EXPECT_LT(wait_for(second, v1::JOB_STATE_RUNNING), seconds(5));
+    EXPECT_EQ(worker_of(second), "other");
+    front_.scheduler->cancel(second);
+    front_.scheduler->cancel(beside);
+    wait_for(second, v1::JOB_STATE_CANCELLED);
+  }
+  EXPECT_EQ(front_.scheduler->lent_devices().devices, 0) << "a server that ends takes its devices along";
 }
 
 TEST_F(TwoServers, DoNotHoldTheirLockWhileTheDatabaseIsSlow) {
