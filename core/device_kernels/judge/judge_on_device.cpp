@@ -7,7 +7,7 @@
 namespace varimesh {
 
 bool JudgeOnDevice::begin() {
-  device::Device* const there = run_ == nullptr ? device_ : run_->get();
+  device::Device* const there = used_device();
   if (there == nullptr) return false;
   queue_.emplace(*there);
   if (module_) return true;

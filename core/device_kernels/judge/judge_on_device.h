@@ -61,6 +61,8 @@ class JudgeOnDevice final : public detail::MeasuresElsewhere, public detail::Sam
     std::array<device::Buffer, 3> derivative;
   };
 
+  /// Null: the run uses none any more.
+  device::Device* used_device() const { return run_ == nullptr ? device_ : run_->get(); }
   /// Makes a queue, and loads the kernels when it is called for the first time. False: there is no device.
   bool begin();
   /// Whether there was no fault in the queue. If there was one, the device is given up.
@@ -71,7 +73,8 @@ class JudgeOnDevice final : public detail::MeasuresElsewhere, public detail::Sam
                         std::span<double> measures);
   void launch_rows(const device::Kernel& kernel, device::RowArguments arguments, std::int64_t batches, int rows);
   device::MeasureArguments measures(const detail::JacobianTable& table, std::int64_t batches) const;
-  void sample_block(const detail::CellBatch& block, const detail::LatticeTable& table,
+  /// Samples the cells of blocks that have one shape and order.
+  void sample_alike(const std::vector<detail::CellBatch>& blocks, const detail::LatticeTable& table,
                     const device::Buffer& coordinates, const Team& team, std::vector<detail::Extremes>& cells);
 
   device::RunDevice* run_ = nullptr;  ///< Null: the device is no run's.

@@ -236,6 +236,49 @@ TEST_F(Judge, CertifiesOnlyTheCellsThatAreNamed) {
   EXPECT_EQ(counting.measured, named.size()) << "for few cells the coordinates of all nodes are not copied";
 }
 
+/// The cells of each kind in blocks of at most `most` cells, and the blocks of all kinds in turns.
+HighOrderMesh in_small_blocks(HighOrderMesh mesh, std::size_t most) {
+  const std::vector<ElementBlock> whole = std::exchange(mesh.blocks, {});
+  for (std::size_t first = 0, added = 1; added > 0; first += most) {
+    added = 0;
+    for (const ElementBlock& block : whole) {
+      const std::size_t end = std::min(first + most, block.size());
+      const auto nodes = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
+      if (first >= end) continue;
+      ++added;
+      const auto part = [&](const auto& list, std::size_t each) {
+        return std::decay_t<decltype(list)>(list.begin() + static_cast<std::ptrdiff_t>(first * each),
+                                            list.begin() + static_cast<std::ptrdiff_t>(end * each));
+      };
+      ElementBlock& small = mesh.blocks.emplace_back(block);
+      small.nodes = part(block.nodes, nodes);
+      small.numbers = part(block.numbers, 1);
+    }
+  }
+  return mesh;
+}
+
+TEST_F(Judge, JudgesCellsOfManySmallBlocks) {
+  const HighOrderMesh mesh = in_small_blocks(shaken(Filling::MixedSolid, 2, 0.3), 5);
+  ASSERT_GT(mesh.blocks.size(), 8U);
+  expect_as_on_the_processor(mesh);
+  JudgeOnDevice judge(device_, 3);
+  std::vector<detail::Extremes> cells(mesh.element_count(3));
+  ASSERT_TRUE(judge.sample(mesh, mesh.coordinates, 4, team_, cells));
+  // Each block by itself, as a mesh.
+  HighOrderMesh single = mesh;
+  std::size_t first = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != 3) continue;
+    single.blocks = {block};
+    std::vector<detail::Extremes> own(block.size());
+    ASSERT_TRUE(judge.sample(single, mesh.coordinates, 4, team_, own));
+    for (std::size_t i = 0; i < own.size(); ++i) EXPECT_EQ(own[i].low, cells[first + i].low) << first + i;
+    first += block.size();
+  }
+  EXPECT_EQ(first, cells.size());
+}
+
 TEST_F(Judge, SamplesLargeTablesInRanges) {
   const HighOrderMesh mesh = testing::grid(Filling::Hexahedra, {1, 1, 1}, 6, testing::bent(3));
   JudgeOnDevice judge(device_, 3);
