@@ -99,7 +99,7 @@ function qualityTable(document) {
 
 function meshTable(document) {
   const rows = Object.entries(document.mesh).map(([name, value]) => [name.replace('_', ' '), numberCell(value)]);
-  for (const name of ['energy', 'method', 'stop_reason']) {
+  for (const name of ['energy', 'method', 'stop_reason', 'device']) {
     if (document[name]) rows.push([name.replace('_', ' '), {text: document[name], class: 'number'}]);
   }
   for (const [name, show] of [['iterations', grouped], ['seconds', (value) => value.toPrecision(4)], ['residual', readable]]) {

@@ -56,7 +56,7 @@ function outcomeOf(job) {
 
 /** The most important figures of a job's mesh, or of the meshes before and after. */
 function figures(job) {
-  const {mesh, before, after, iterations, seconds} = job.metrics;
+  const {mesh, before, after, iterations, seconds, device} = job.metrics;
   const pair = (show, pick) => (isJudged(job) ? [show(pick(after))] : [make('small', {}, `${show(pick(before))} → `), show(pick(after))]);
   const tile = (name, ...content) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, ...content));
   const all = [
@@ -66,7 +66,8 @@ function figures(job) {
     tile('Certified valid', ...pair(grouped, (one) => countOf(one.certified?.valid))),
     tile('Mesh', grouped(countOf(mesh.elements)), make('small', {}, ` ${countOf(mesh.elements) === 1 ? 'element' : 'elements'} of order ${mesh.order}, ${mesh.dimension}\u2011D`)),
   ];
-  if (!isJudged(job)) all.push(tile('Iterations', grouped(iterations ?? 0), make('small', {}, ` in ${duration(seconds ?? 0)}`)));
+  const where = device ? `, on ${device}` : '';
+  if (!isJudged(job)) all.push(tile('Iterations', grouped(iterations ?? 0), make('small', {}, ` in ${duration(seconds ?? 0)}${where}`)));
   return make('dl', {class: 'tiles'}, ...all);
 }
 

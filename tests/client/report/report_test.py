@@ -2,6 +2,7 @@
 --json."""
 import base64
 import json
+import os
 import re
 import sys
 import time
@@ -97,9 +98,9 @@ class Report(WithFolder):
         if "iterations" in document:
             self.check_table("mesh-table", {key: [document[key]] for key in ("iterations", "seconds", "residual")})
 
-    def optimise(self, mesh, *arguments):
+    def optimise(self, mesh, *arguments, **keywords):
         page = self.folder / "report.html"
-        done = run("optimise", mesh, "-o", self.folder / "out.vtu", "--report", page, "--json", *arguments)
+        done = run("optimise", mesh, "-o", self.folder / "out.vtu", "--report", page, "--json", *arguments, **keywords)
         self.assertIn(done.returncode, (0, 4), done.stderr)
         self.open(page)
         return json.loads(done.stdout)
@@ -278,6 +279,15 @@ class Report(WithFolder):
                 texts.some(([other, its]) => other !== one && over(box, its))).map(([one]) => one.textContent);
         })"""), [], "names of axes lie beside the numbers")
         self.assertEqual(self.page.errors, [])
+
+    def test_names_the_device(self):
+        on_device = {**os.environ, "LD_LIBRARY_PATH": os.environ["FAKE_DRIVER"]}
+        document = self.optimise(CASES / "circle_p5.msh", "--objective", "energy", "--device", "gpu", env=on_device)
+        if "has no kernels" in "".join(document["notes"]):
+            self.skipTest("VariMesh was built without clang")
+        self.assertEqual(dict(self.cells("mesh-table"))["device"], [[None, "Fake Card 1"]])
+        self.optimise(CASES / "circle_p5.msh", "--objective", "energy")
+        self.assertNotIn("device", dict(self.cells("mesh-table")))
 
     def test_never_breaks_a_line_inside_a_flag(self):
         self.optimise(CASES / "aerofoil_p4.msh", "--tolerance", "1e-4")  # the summary says why this is the energy's optimum

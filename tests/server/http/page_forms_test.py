@@ -115,6 +115,7 @@ class Devices(WithPage):
         self.assertEqual(job["spec"]["options"]["device"], "DEVICE_GPU")
         if "has no kernels" not in str(job["metrics"].get("notes")):
             self.assertEqual(job["metrics"]["device"], "Fake Card 1")
+            self.assertRegex(self.text("dl.tiles"), "Iterations.* in .*, on Fake Card 1")
 
 
 class Models(WithModels):
