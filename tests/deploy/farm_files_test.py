@@ -255,6 +255,12 @@ class Helm(unittest.TestCase):
         self.assertEqual(flags[-2:], ["--traces", "http://collector:4318"])
         self.assertLessEqual({flag for flag in flags if flag.startswith("--")}, flags_of_varimeshd())
 
+    def test_jobs_that_need_a_card_call_for_workers_that_have_some(self):
+        for values, count in ((("keda",), True), (("keda", "devices"), False)):
+            chart = self.render(*(word for name in values for word in ("--values", f"{name}.yaml")))
+            for trigger in chart["ScaledObject", "varimesh-worker"]["spec"]["triggers"]:
+                self.assertEqual("needs_device = 0" in trigger["metadata"]["query"], count, values)
+
     def test_a_digest_goes_before_the_tag(self):
         digest = "sha256:" + "a" * 64
         chart = self.render("--set", f"image.digest={digest}", "--set", "network.ports={5432}")

@@ -168,6 +168,8 @@ class Farm(WithFarm):
         after = [int(self.query(query)[0][0]) for query in autoscaler_queries()]
         self.assertEqual(after[0], before[0] + 1)
         self.assertGreaterEqual(after[1], 1, "seconds that the job has waited")
+        self.ask(servers[0], "submit", MESH, "--label", "case=scaled", "--device", "gpu")
+        self.assertEqual(int(self.query(autoscaler_queries()[0])[0][0]), after[0], "the workers have no devices")
 
     def progress(self, job):
         """The attempt and the last iteration that its worker has told the database."""
