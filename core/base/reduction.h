@@ -36,6 +36,12 @@ class Reduction {
   template <class Part>
   double sum_of_blocks(std::size_t count, std::size_t grain, const Part& part) const {
     if (count <= kBlock) return count == 0 ? 0 : part(std::size_t{0}, count);
+    return exact_sum_in_blocks(count, grain, part).value();
+  }
+
+  /// The same before it is rounded, so that sums of several ranks can be added.
+  template <class Part>
+  ExactSum exact_sum_in_blocks(std::size_t count, std::size_t grain, const Part& part) const {
     ExactSum sum;
     std::mutex mutex;
     const std::size_t blocks = (count + kBlock - 1) / kBlock;
@@ -46,7 +52,7 @@ class Reduction {
       const std::scoped_lock lock(mutex);
       sum.add(mine);
     });
-    return sum.value();
+    return sum;
   }
 
   /// Σ term(i) without rounding, so that sums of several ranks can be added.
@@ -77,8 +83,7 @@ class Reduction {
     return largest;
   }
 
- private:
-  /// In lanes, because a processor adds several numbers at once if none waits for another.
+  /// How sum() adds up a block: in lanes, because a processor adds several numbers at once if none waits for another.
   template <class Term>
   static double sum_in_lanes(std::size_t begin, std::size_t end, const Term& term) {
     constexpr std::size_t kLanes = 8;
@@ -92,6 +97,7 @@ class Reduction {
     return lanes[0];
   }
 
+ private:
   const Team& team_;
 };
 

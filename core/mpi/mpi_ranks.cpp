@@ -22,12 +22,14 @@ class MpiRanks : public Ranks {
   int count() const override { return count_; }
 
   void sum(std::span<std::int64_t> numbers) const override {
+    if (count_ > 1) count_meeting();
     in_pieces(numbers.size(), [&](std::size_t first, int size) {
       MPI_Allreduce(MPI_IN_PLACE, numbers.data() + first, size, MPI_INT64_T, MPI_SUM, MPI_COMM_WORLD);
     });
   }
 
   void largest(std::span<double> numbers) const override {
+    if (count_ > 1) count_meeting();
     in_pieces(numbers.size(), [&](std::size_t first, int size) {
       MPI_Allreduce(MPI_IN_PLACE, numbers.data() + first, size, MPI_DOUBLE, MPI_MAX, MPI_COMM_WORLD);
     });
@@ -36,25 +38,34 @@ class MpiRanks : public Ranks {
   std::vector<Bytes> exchange(std::vector<Bytes> to) const override {
     std::vector<std::int64_t> sizes(to.size()), coming(to.size());
     std::ranges::transform(to, sizes.begin(), [](const Bytes& bytes) { return std::int64_t(bytes.size()); });
+    if (count_ > 1) count_meeting();
     MPI_Alltoall(sizes.data(), 1, MPI_INT64_T, coming.data(), 1, MPI_INT64_T, MPI_COMM_WORLD);
     std::vector<Bytes> came(to.size());
-    std::vector<MPI_Request> requests;
+    std::vector<Message> messages;
     for (int other = 0; other < count_; ++other) {
       if (other == rank_) continue;
       came[at(other)].resize(static_cast<std::size_t>(coming[at(other)]));
-      in_pieces(came[at(other)].size(), [&](std::size_t first, int size) {
-        MPI_Irecv(came[at(other)].data() + first, size, MPI_BYTE, other, 0, MPI_COMM_WORLD, &requests.emplace_back());
-      });
+      messages.push_back({other, to[at(other)], came[at(other)]});
     }
-    for (int other = 0; other < count_; ++other) {
-      if (other == rank_) continue;
-      in_pieces(to[at(other)].size(), [&](std::size_t first, int size) {
-        MPI_Isend(to[at(other)].data() + first, size, MPI_BYTE, other, 0, MPI_COMM_WORLD, &requests.emplace_back());
-      });
-    }
+    exchange(messages);
     came[at(rank_)] = std::move(to[at(rank_)]);
-    MPI_Waitall(static_cast<int>(requests.size()), requests.data(), MPI_STATUSES_IGNORE);
     return came;
+  }
+
+  void exchange(std::span<const Message> messages) const override {
+    std::vector<MPI_Request> requests;
+    for (const Message& message : messages)
+      in_pieces(message.in.size(), [&](std::size_t first, int size) {
+        MPI_Irecv(message.in.data() + first, size, MPI_BYTE, message.rank, 0, MPI_COMM_WORLD, &requests.emplace_back());
+      });
+    for (const Message& message : messages) {
+      count_message(message.out.size());
+      in_pieces(message.out.size(), [&](std::size_t first, int size) {
+        MPI_Isend(message.out.data() + first, size, MPI_BYTE, message.rank, 0, MPI_COMM_WORLD,
+                  &requests.emplace_back());
+      });
+    }
+    MPI_Waitall(static_cast<int>(requests.size()), requests.data(), MPI_STATUSES_IGNORE);
   }
 
  private:

@@ -1,6 +1,8 @@
 #include "core/ranks/ranks.h"
 
 #include <algorithm>
+#include <array>
+#include <tuple>
 
 namespace varimesh {
 namespace {
@@ -12,6 +14,7 @@ class OneRank : public Ranks {
   void sum(std::span<std::int64_t>) const override {}
   void largest(std::span<double>) const override {}
   std::vector<Bytes> exchange(std::vector<Bytes> to) const override { return to; }
+  void exchange(std::span<const Message>) const override {}
 };
 
 }  // namespace
@@ -29,6 +32,16 @@ void Ranks::sum(std::span<ExactSum> sums) const {
     ExactSum::Numbers& own = sums[i].settled();
     std::copy_n(numbers.begin() + static_cast<std::ptrdiff_t>(i * own.size()), own.size(), own.begin());
   }
+}
+
+double Ranks::sum(ExactSum one, bool mine, bool& any) const {
+  std::array<std::int64_t, std::tuple_size_v<ExactSum::Numbers> + 1> numbers{};
+  std::ranges::copy(one.settled(), numbers.begin());
+  numbers.back() = mine ? 1 : 0;
+  sum(std::span(numbers));
+  any = numbers.back() > 0;
+  std::copy_n(numbers.begin(), one.settled().size(), one.settled().begin());
+  return one.value();
 }
 
 std::int64_t Ranks::sum_before(std::int64_t number) const {

@@ -16,6 +16,13 @@
 
 namespace varimesh {
 
+/// What a rank has sent to others. Its memory for itself does not count.
+struct Traffic {
+  std::int64_t messages = 0;  ///< From this rank to another.
+  std::int64_t bytes = 0;     ///< In these messages.
+  std::int64_t meetings = 0;  ///< Calls for which all ranks wait: sums, extremes, and sizes of what is exchanged.
+};
+
 /// The ranks that work together, as one of them sees it.
 ///
 /// Every function that has to do with others is called by all ranks, in the same order, and returns when all have
@@ -41,6 +48,18 @@ class Ranks {
   virtual void largest(std::span<double> numbers) const = 0;
   /// Sends to[r] to rank r, and returns what came, by the rank that sent it.
   virtual std::vector<Bytes> exchange(std::vector<Bytes> to) const = 0;
+  /// What is sent to another rank and what comes from it, if both know the sizes. At most one for each other rank; the
+  /// other rank has the counterpart. Either part may be empty.
+  struct Message {
+    int rank = 0;
+    std::span<const std::byte> out;
+    std::span<std::byte> in;
+  };
+  /// Exchanges these messages. Ranks that have no message for each other do not wait for each other.
+  virtual void exchange(std::span<const Message> messages) const = 0;
+
+  /// What this rank has sent so far.
+  const Traffic& traffic() const { return traffic_; }
 
   // What follows is made of these.
 
@@ -59,6 +78,10 @@ class Ranks {
     return number;
   }
   double smallest(double number) const { return -largest(-number); }
+  /// The same, and whether `mine` is true on a rank, in one message.
+  double sum(ExactSum one, bool mine, bool& any) const;
+  /// Whether a rank says so: all ranks stop together at the wish of one.
+  bool any(bool mine) const { return sum(std::int64_t{mine ? 1 : 0}) > 0; }
   /// The sum over the ranks before this one.
   std::int64_t sum_before(std::int64_t number) const;
 
@@ -106,6 +129,14 @@ class Ranks {
     return agree(mine);
   }
 
+ protected:
+  void count_meeting() const { ++traffic_.meetings; }
+  /// A message of no bytes is not sent.
+  void count_message(std::size_t bytes) const {
+    traffic_.messages += bytes > 0 ? 1 : 0;
+    traffic_.bytes += static_cast<std::int64_t>(bytes);
+  }
+
  private:
   template <class T>
   static Bytes bytes_of(const std::vector<T>& list) {
@@ -125,6 +156,8 @@ class Ranks {
     }
     return all;
   }
+
+  mutable Traffic traffic_;  ///< Only the thread that is the rank changes it.
 };
 
 /// One rank, which is alone and costs nothing.

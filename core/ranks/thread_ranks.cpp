@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <barrier>
+#include <cassert>
 #include <thread>
 
 namespace varimesh {
@@ -9,13 +10,15 @@ namespace {
 
 /// What the ranks have in common: a list for each, which the others read between two meetings.
 struct Meeting {
-  explicit Meeting(int count) : barrier(count), numbers(at(count)), places(at(count)), bytes(at(count)) {}
+  explicit Meeting(int count)
+      : barrier(count), numbers(at(count)), places(at(count)), bytes(at(count)), messages(at(count)) {}
   static std::size_t at(int rank) { return static_cast<std::size_t>(rank); }
 
   std::barrier<> barrier;
   std::vector<std::vector<std::int64_t>> numbers;
   std::vector<std::vector<double>> places;
   std::vector<std::vector<Ranks::Bytes>> bytes;  // by sender and receiver
+  std::vector<std::span<const Ranks::Message>> messages;
 };
 
 class ThreadRank : public Ranks {
@@ -32,6 +35,9 @@ class ThreadRank : public Ranks {
     combine(meeting_.places, numbers, [](double a, double b) { return std::max(a, b); });
   }
   std::vector<Bytes> exchange(std::vector<Bytes> to) const override {
+    if (to.size() > 1) count_meeting();
+    for (std::size_t other = 0; other < to.size(); ++other)
+      if (other != Meeting::at(rank_)) count_message(to[other].size());
     meeting_.bytes[Meeting::at(rank_)] = std::move(to);
     meeting_.barrier.arrive_and_wait();
     std::vector<Bytes> came;
@@ -39,10 +45,23 @@ class ThreadRank : public Ranks {
     meeting_.barrier.arrive_and_wait();
     return came;
   }
+  void exchange(std::span<const Message> messages) const override {
+    for (const Message& message : messages) count_message(message.out.size());
+    meeting_.messages[Meeting::at(rank_)] = messages;
+    meeting_.barrier.arrive_and_wait();
+    for (const Message& message : messages)
+      for (const Message& theirs : meeting_.messages[Meeting::at(message.rank)])
+        if (theirs.rank == rank_) {
+          assert(theirs.out.size() == message.in.size());
+          std::ranges::copy(theirs.out, message.in.begin());
+        }
+    meeting_.barrier.arrive_and_wait();
+  }
 
  private:
   template <class T, class Combine>
   void combine(std::vector<std::vector<T>>& lists, std::span<T> numbers, const Combine& combine) const {
+    if (lists.size() > 1) count_meeting();
     lists[Meeting::at(rank_)].assign(numbers.begin(), numbers.end());
     meeting_.barrier.arrive_and_wait();
     std::ranges::copy(lists.front(), numbers.begin());

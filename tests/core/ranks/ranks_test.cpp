@@ -3,10 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <random>
 #include <stdexcept>
+#include <utility>
 
+#include "core/ranks/halo.h"
 #include "core/ranks/thread_ranks.h"
+#include "core/ranks/whole_reduction.h"
 
 namespace varimesh {
 namespace {
@@ -64,6 +69,80 @@ TEST_P(RanksOf, StopTogetherAtTheFirstFault) {
     });
     ASSERT_FALSE(thrown);
     EXPECT_NE(thrown.error().sentence.find("no more paper"), std::string::npos);
+  });
+}
+
+TEST_P(RanksOf, StopAtTheWishOfOne) {
+  run_as_ranks(GetParam(), [&](const Ranks& ranks) {
+    EXPECT_FALSE(ranks.any(false));
+    EXPECT_TRUE(ranks.any(ranks.rank() == ranks.count() - 1));
+    bool any = true;
+    ExactSum sum;
+    sum.add(0.5);
+    EXPECT_EQ(ranks.sum(sum, false, any), 0.5 * ranks.count());
+    EXPECT_FALSE(any);
+    EXPECT_EQ(ranks.sum(sum, ranks.rank() == 0, any), 0.5 * ranks.count());
+    EXPECT_TRUE(any);
+  });
+}
+
+/// In a ring, each rank has two items, then one of the rank before and one of the rank after; with one or two ranks
+/// there is no ring.
+Halo ring(const Ranks& ranks) {
+  const int n = ranks.count(), r = ranks.rank();
+  std::vector<Halo::Neighbour> neighbours;
+  if (n > 2) neighbours = {{(r + n - 1) % n, {{{0}, {2}}}}, {(r + 1) % n, {{{1}, {3}}}}};
+  neighbours.push_back({r, {{{}, {}}}});  // without items
+  return Halo(std::move(neighbours));
+}
+
+TEST_P(RanksOf, ExchangeAHalo) {
+  run_as_ranks(GetParam(), [&](const Ranks& ranks) {
+    const int n = ranks.count(), r = ranks.rank();
+    const Halo halo = ring(ranks);
+    const auto item = [](int rank, int which) { return std::array<float, 2>{float(10 * rank + which), -1.5F}; };
+    std::vector<std::array<float, 2>> items{item(r, 0), item(r, 1), {}, {}};
+    const Traffic before = ranks.traffic();
+    halo.exchange(items.front().data(), 2, ranks);
+    EXPECT_EQ(ranks.traffic().messages - before.messages, n > 2 ? 2 : 0);
+    EXPECT_EQ(ranks.traffic().bytes - before.bytes, n > 2 ? 16 : 0);
+    EXPECT_EQ(ranks.traffic().meetings, before.meetings);
+    EXPECT_EQ(halo.items_sent(), n > 2 ? 2 : 0);
+    EXPECT_EQ(halo.items_received(), halo.items_sent());
+    if (n <= 2) return;
+    EXPECT_EQ(items[2], item((r + n - 1) % n, 1));
+    EXPECT_EQ(items[3], item((r + 1) % n, 0));
+    EXPECT_EQ(items[0], item(r, 0));
+  });
+}
+
+TEST_P(RanksOf, ReduceWithTheBitsOfOneRank) {
+  // Each rank has whole blocks, dealt out in turn; the last one is short.
+  constexpr std::size_t kTerms = 9 * Reduction::kBlock + 17;
+  std::mt19937 random(5);
+  std::vector<double> terms(kTerms);
+  for (double& term : terms) term = std::ldexp(double(random()) - 2e9, int(random() % 60) - 80);
+  const Team team(1);
+  const Reduction reduction(team);
+  double sum = 0, largest = 0;
+  team.run([&] {
+    sum = reduction.sum(kTerms, 1024, [&](std::size_t i) { return terms[i]; });
+    largest = reduction.largest(kTerms, 1024, [&](std::size_t i) { return terms[i]; });
+  });
+  run_as_ranks(GetParam(), [&](const Ranks& ranks) {
+    std::vector<double> mine;
+    for (std::size_t i = 0; i < kTerms; ++i)
+      if (int(i / Reduction::kBlock) % ranks.count() == ranks.rank()) mine.push_back(terms[i]);
+    const StopToken asked([&] { return ranks.rank() == 0; });
+    team.run([&] {
+      const WholeReduction whole(team, ranks);
+      const auto term = [&](std::size_t i) { return mine[i]; };
+      EXPECT_EQ(whole.sum(mine.size(), 1024, term), sum);
+      EXPECT_EQ(whole.largest(mine.size(), 1024, term), largest);
+      if (ranks.count() > 1) {
+        EXPECT_THROW(WholeReduction(team, ranks, &asked).sum(mine.size(), 1024, term), Interrupted);
+      }
+    });
   });
 }
 
