@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/base/index.h"
+#include "core/base/io/large_arrays.h"
 #include "core/kernels/node_star.h"
 #include "core/terms/power_of_two.h"
 
@@ -14,8 +15,8 @@ namespace {
 constexpr std::int32_t kBatchesPerTask = 2;
 constexpr std::int32_t kCellsPerTask = 64;
 constexpr std::size_t kCellsPerSum = 512;
-constexpr std::size_t kSamples = 64;       // the size of the Hessian is taken from at least this many nodes, if there
-constexpr std::size_t kMostBetween = 256;  // are as many, and from at least one in this many
+constexpr std::int64_t kSamples = 64;       // the size of the Hessian is taken from at least this many nodes, if there
+constexpr std::int64_t kMostBetween = 256;  // are as many, and from at least one in this many
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Of a matrix with d rows whose entries are `stride` apart, row by row.
@@ -29,18 +30,39 @@ double determinant(const double* F, int stride, int d) {
 }  // namespace
 
 CellEnergy::CellEnergy(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
-                       const Team& team)
+                       const Team& team, const ProblemShare* share)
     : problem_(problem),
       kernels_(kernels),
       hessian_(hessian),
       norm_(norm),
       team_(team),
-      reduction_(team),
+      share_(share),
+      own_nodes_(share != nullptr ? share->own_nodes : static_cast<std::int32_t>(problem.free.size())),
+      reduction_(team, share != nullptr ? *share->ranks : one_rank(), share != nullptr ? share->stop : nullptr),
       batches_(make_batches(problem, hessian, team)),
-      scans_(at(problem.cells)) {}
+      scans_(at(problem.cells)) {
+  if (share_ != nullptr) make_room_for_ghosts();
+}
 
 CellEnergy::~CellEnergy() {
   for (CellSet& set : problem_.sets) set.energy_slope.clear();
+}
+
+void CellEnergy::make_room_for_ghosts() {
+  for (std::size_t s = 0; s < batches_.size(); ++s) {
+    const std::size_t places = (at(share_->places[s]) + kBatch - 1) / kBatch * kBatch;
+    const std::size_t numbers = places * at(problem_.sets[s].nodes_per_cell) * 2 * at(problem_.dimension);
+    if (batches_[s].contributions.size() >= numbers) continue;
+    UntouchedVector<float>().swap(batches_[s].contributions);
+    resize_large(batches_[s].contributions, numbers);
+  }
+}
+
+void CellEnergy::exchange_contributions(int width) {
+  if (share_ == nullptr) return;
+  std::vector<float*> arrays;
+  for (BatchSet& set : batches_) arrays.push_back(set.contributions.data());
+  share_->contributions.exchange<float>(arrays, at(width), *share_->ranks);
 }
 
 std::int64_t CellEnergy::gradient_work() const {
@@ -120,11 +142,22 @@ void CellEnergy::fit_scale() {
   fit_scale_to_scans();
 }
 
+std::vector<std::int32_t> CellEnergy::every(std::int64_t stride) const {
+  std::vector<std::int32_t> ranks;
+  if (share_ == nullptr) {
+    for (std::int64_t rank = 0; rank < own_nodes_; rank += stride) ranks.push_back(static_cast<std::int32_t>(rank));
+    return ranks;
+  }
+  for (std::int32_t rank = 0; rank < own_nodes_; ++rank)
+    if (share_->numbers[at(rank)] % stride == 0) ranks.push_back(rank);
+  return ranks;
+}
+
 void CellEnergy::fit_scale_to_scans() {
-  const std::size_t nodes = problem_.free.size(), stride = std::clamp<std::size_t>(nodes / kSamples, 1, kMostBetween);
-  double largest = reduction_.largest((nodes + stride - 1) / stride, 4, [&](std::size_t sample) {
-    return largest_entry(static_cast<std::int32_t>(sample * stride));
-  });
+  const std::int64_t nodes = share_ != nullptr ? share_->free_nodes : own_nodes_;
+  const std::vector<std::int32_t> samples = every(std::clamp<std::int64_t>(nodes / kSamples, 1, kMostBetween));
+  double largest =
+      reduction_.largest(samples.size(), 4, [&](std::size_t sample) { return largest_entry(samples[sample]); });
   if (!norm_.is_sum()) {
     double slope = 0;
     for (const CellSet& set : problem_.sets)
@@ -199,12 +232,18 @@ void CellEnergy::linearise(std::span<double> gradient) {
     hessian_.linearise(batches_[s], b, F);
     if (!norm_.is_sum()) keep_cell_gradients(s, b);
   });
+  if (share_ != nullptr && !norm_.is_sum()) {
+    std::vector<float*> arrays;
+    for (AlignedVector<float>& of_set : cell_gradients_) arrays.push_back(of_set.data());
+    share_->contributions.exchange<float>(arrays, at(problem_.dimension), *share_->ranks);
+  }
   add_up_gradient(gradient);
 }
 
 void CellEnergy::add_up_gradient(std::span<double> gradient) {
   const int d = problem_.dimension;
-  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
+  exchange_contributions(2 * d);
+  team_.for_each(own_nodes_, kNodesPerTask, [&](std::int32_t rank) {
     std::array<double, 3> sum{};
     for (std::int64_t i = problem_.offsets[at(rank)]; i < problem_.offsets[at(rank) + 1]; ++i) {
       const Incidence& incidence = problem_.incidences[at(i)];
@@ -244,6 +283,7 @@ void CellEnergy::node_blocks() {
       count_batch();
     });
   count_kernels(operations_.blocks, watch);
+  exchange_contributions(2 * problem_.dimension);
 }
 
 std::array<double, 6> CellEnergy::added_up_block(std::int32_t rank) const {
@@ -273,7 +313,8 @@ double CellEnergy::multiply(std::span<const float> direction, std::span<float> p
       if (!norm_.is_sum()) add_norm_term(s, b, direction);
     });
   count_kernels(operations_.product, watch);
-  return reduction_.sum_of_blocks(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+  exchange_contributions(problem_.dimension);
+  return reduction_.sum_of_blocks(at(own_nodes_), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     return hessian_.add_up(problem_, batches_, direction.data(), product.data(), static_cast<std::int32_t>(begin),
                            static_cast<std::int32_t>(end));
   });

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "core/base/aligned.h"
-#include "core/base/reduction.h"
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/base/work_meter.h"
@@ -17,6 +16,8 @@
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/problem.h"
+#include "core/ranks/whole_reduction.h"
+#include "core/terms/part/problem_part.h"
 
 namespace varimesh {
 
@@ -31,10 +32,15 @@ inline void change_kind_of_numbers() { std::atomic_signal_fence(std::memory_orde
 /// hold them. Gradient and energy are in double precision (each cell's contribution to the gradient has 48 bits);
 /// products are in single precision, of the Hessian at deformation gradients that are held to 16 bits
 /// (BatchSet::deformation). All references must outlive the object. Call all functions inside team.run().
+///
+/// The problem may be the part that a rank has of a whole one. Then all ranks call fit_scale(), value(), rounding(),
+/// noise(), gradient(), linearise(), for_blocks() and multiply() together, each sums up the nodes that it owns, and all
+/// results have the bits that they have without ranks.
 class CellEnergy {
  public:
+  /// `share`: null, or what the rank has of the whole problem.
   CellEnergy(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
-             const Team& team);
+             const Team& team, const ProblemShare* share = nullptr);
   ~CellEnergy();
   CellEnergy(const CellEnergy&) = delete;
   CellEnergy& operator=(const CellEnergy&) = delete;
@@ -85,23 +91,22 @@ class CellEnergy {
   /// By cell: the p-norm's curvatures at the scans, over scale(). Empty if the norm is the sum.
   std::vector<double> curvatures() const;
 
-  /// Sets the gradient, d numbers per free node. It has no meaning if value() is infinite.
+  /// Sets the gradient, d numbers per own free node. It has no meaning if value() is infinite.
   void gradient(std::span<double> gradient);
   /// The same, bit for bit, and keeps what follows needs.
   void linearise(std::span<double> gradient);
   /// Replaces what linearise() has kept by a positive semidefinite part of the Hessian: the terms with f_J ∂²J are left
   /// out, and f_JJ is at least λ/(J² + δ²). Only for a hyperelastic energy.
   void keep_convex_part(const Material& material);
-  /// Calls use(rank, block) for each free node, from several threads at once: its own block of the Hessian over
+  /// Calls use(rank, block) for each own free node, from several threads at once: its own block of the Hessian over
   /// scale(), lower triangle by rows.
   template <class Use>
   void for_blocks(const Use& use) {
     node_blocks();
-    team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask,
-                   [&](std::int32_t rank) { use(rank, added_up_block(rank)); });
+    team_.for_each(own_nodes_, kNodesPerTask, [&](std::int32_t rank) { use(rank, added_up_block(rank)); });
   }
   /// product = Hessian over scale() times direction; returns direction · product. Both have d floats per free node,
-  /// then padded(d) zeros.
+  /// then padded(d) zeros. The product is set at the own nodes, and the direction must be up to date at all.
   double multiply(std::span<const float> direction, std::span<float> product);
 
   std::vector<BatchSet>& batches() { return batches_; }
@@ -112,6 +117,12 @@ class CellEnergy {
 
  private:
   static constexpr std::int32_t kNodesPerTask = 256;
+  /// Gives the contributions room for those of the ghosts.
+  void make_room_for_ghosts();
+  /// The ghosts' contributions, `width` numbers per node of a cell, come from the ranks that work on these cells.
+  void exchange_contributions(int width);
+  /// The own nodes whose places in the whole problem are multiples of `stride`.
+  std::vector<std::int32_t> every(std::int64_t stride) const;
   /// Calls work(set, b, F) for each batch, with the deformation gradients of its cells, after these were scanned and
   /// have their slopes.
   template <class Work>
@@ -140,7 +151,9 @@ class CellEnergy {
   const HessianKernels& hessian_;
   PNorm norm_;
   const Team& team_;
-  Reduction reduction_;
+  const ProblemShare* share_;
+  std::int32_t own_nodes_;  ///< So many at the beginning of Problem::free.
+  WholeReduction reduction_;
   std::vector<BatchSet> batches_;
   std::span<const double> weights_;  ///< By cell; empty: all are 1.
   double volume_ = 1;
