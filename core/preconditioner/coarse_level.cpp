@@ -68,20 +68,51 @@ std::vector<std::int32_t> colour_nodes(const Problem& problem, CoarseSpace& spac
 
 }  // namespace
 
-CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team)
+CoarseLevel::Tables CoarseLevel::tables_of(const Problem& whole, const Team& team) {
+  Tables tables;
+  tables.space = coarse_space(whole, coarse_order(whole), team);
+  tables.colours = colour_nodes(whole, tables.space, team);
+  tables.cells = node_cells(tables.space, team);
+  return tables;
+}
+
+CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
+                         const ProblemPart* part)
+    : CoarseLevel(problem, batches, team, part, tables_of(part != nullptr ? *part->whole : problem, team)) {}
+
+CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
+                         const ProblemPart* part, Tables tables)
     : problem_(problem),
       batches_(batches),
       team_(team),
-      space_(coarse_space(problem, coarse_order(problem), team)),
-      colours_(colour_nodes(problem, space_, team)),
-      cells_(node_cells(space_, team)),
-      linear_(problem, space_, cells_, team),
-      pattern_(node_pattern(space_, cells_, false, team)),
+      part_(part),
+      space_(std::move(tables.space)),
+      colours_(std::move(tables.colours)),
+      cells_(std::move(tables.cells)),
+      linear_(part != nullptr ? *part->whole : problem, space_, cells_, team, part),
       kernels_(make_coarse_kernels(problem.dimension)) {
-  for (const CellSet& set : problem.sets)
-    tensors_.emplace_back(static_cast<std::size_t>(set.count) * tensor_size(set.dimension));
+  if (part != nullptr) take_part(*part);
+  pattern_ = node_pattern(space_, cells_, false, team);
+  for (std::size_t s = 0; s < problem.sets.size(); ++s)
+    tensors_.emplace_back((part != nullptr ? part->cells[s].size() : at(problem.sets[s].count)) *
+                          at(tensor_size(problem.dimension)));
   for (const CoarseSpace::Set& set : space_.sets) to_coarse_.push_back(transposed(set.values, set.nodes_per_cell));
-  const int d = problem.dimension;
+  make_vectors();
+}
+
+void CoarseLevel::take_part(const ProblemPart& part) {
+  CoarsePart mine = coarse_part(space_, colours_, part);
+  linear_.take_part(mine.numbers);
+  space_ = std::move(mine.space);
+  colours_ = std::move(mine.colours);
+  cells_ = std::move(mine.cells);
+  nodes_ = std::move(mine.nodes);
+  by_colour_ = std::move(mine.by_colour);
+  contributions_ = std::move(mine.contributions);
+}
+
+void CoarseLevel::make_vectors() {
+  const int d = problem_.dimension;
   const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
   entry_.resize(pattern_.column.size() * d * d + 1);
   inverse_factor_.resize(static_cast<std::size_t>(space_.count) * d * d + 1);
@@ -89,11 +120,20 @@ CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches,
   inverse_factor_.back() = 0;
   for (UntouchedVector<float>* vector : {&r_, &x_, &residual_}) {
     vector->resize(floats);
-    team.for_ranges(floats, kFloatsPerTask, [&](std::size_t begin, std::size_t end) {
+    team_.for_ranges(floats, kFloatsPerTask, [&](std::size_t begin, std::size_t end) {
       std::fill_n(vector->data() + begin, end - begin, 0.0F);
     });
   }
   rows_ = {pattern_.begin.data(), pattern_.column.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
+}
+
+void CoarseLevel::exchange(UntouchedVector<float>& numbers, std::size_t width) const {
+  if (part_ != nullptr) nodes_.exchange(numbers.data(), width, *part_->share.ranks);
+}
+
+void CoarseLevel::exchange_colour(std::size_t colour) {
+  if (part_ == nullptr) return;
+  by_colour_[colour].exchange(x_.data(), static_cast<std::size_t>(padded(problem_.dimension)), *part_->share.ranks);
 }
 
 template <int d>
@@ -172,20 +212,26 @@ std::int64_t CoarseLevel::assembly_work() const {
 }
 
 void CoarseLevel::assemble(const HessianKernels& hessian, WorkMeter* meter) {
-  if (space_.count == 0) return;
+  if (space_.count == 0 && part_ == nullptr) return;
   for (std::size_t b = 0; b < batches_.size(); ++b)
     team_.for_each(batches_[b].count, 4, [&](std::int32_t batch) {
       hessian.mean_tensors(batches_[b], batch, tensors_[b]);
       if (meter != nullptr) meter->add(kBatch);
     });
+  if (part_ != nullptr) {
+    std::vector<float*> arrays;
+    for (std::vector<float>& of_set : tensors_) arrays.push_back(of_set.data());
+    part_->share.cells.exchange<float>(arrays, at(tensor_size(problem_.dimension)), *part_->share.ranks);
+  }
   make_matrix(meter);
 }
 
 void CoarseLevel::make_matrix(WorkMeter* meter) {
-  if (space_.count == 0) return;
+  if (space_.count == 0 && part_ == nullptr) return;
   const int d = problem_.dimension;
   team_.for_each(space_.count, kNodesPerTask / 4,
                  [&](std::int32_t node) { d == 2 ? factorise_diagonal<2>(node) : factorise_diagonal<3>(node); });
+  exchange(inverse_factor_, at(d) * at(d));
   team_.for_each(space_.count, kNodesPerTask / 4, [&](std::int32_t node) {
     d == 2 ? assemble_row<2>(node) : assemble_row<3>(node);
     if (meter != nullptr) meter->add();
@@ -209,6 +255,7 @@ void CoarseLevel::correct_linear() {
     for (std::int32_t node = first; node < last; ++node)  // to the scale of K: L_i times it
       times_factor<d>(inverse_factor<d>(node), &residual_[node * kStride]);
   });
+  exchange(residual_, kStride);
   linear_.solve(residual_.data());
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     for (std::int32_t node = first; node < last; ++node) {
@@ -217,6 +264,7 @@ void CoarseLevel::correct_linear() {
       for (int k = 0; k < d; ++k) x_[node * kStride + k] += correction[k];
     }
   });
+  exchange(x_, kStride);
 }
 
 template <int d>
@@ -230,25 +278,34 @@ void CoarseLevel::unscale() {
 }
 
 void CoarseLevel::solve(std::span<const float> shared) {
-  if (space_.count == 0) return;
+  if (space_.count == 0 && part_ == nullptr) return;
   for (std::size_t b = 0; b < batches_.size(); ++b)
     team_.for_each(batches_[b].count, 4, [&](std::int32_t batch) {
       kernels_->restrict_cells(batches_[b], batch, to_coarse_[b], shared.data());
     });
+  const int d = problem_.dimension;
+  if (part_ != nullptr) {
+    std::vector<float*> arrays;
+    for (BatchSet& set : batches_) arrays.push_back(set.contributions.data());
+    contributions_.exchange<float>(arrays, at(d), *part_->share.ranks);
+  }
   const auto contributions = contributions_of(batches_, [&](std::size_t b) { return space_.sets[b].nodes_per_cell; });
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     kernels_->add_up(contributions, cells_.begin.data(), cells_.incidences.data(), inverse_factor_.data(), r_.data(),
                      first, last);
   });
   // x is 0 at first, so the nodes of later colours do not count yet.
-  for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
+  for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour) {
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->forward(rows_, first, last); });
-  const int d = problem_.dimension;
+    exchange_colour(colour);
+  }
   if (linear_.is_used()) d == 2 ? correct_linear<2>() : correct_linear<3>();
-  for (std::size_t colour = colours_.size() - 1; colour-- > 0;)
+  for (std::size_t colour = colours_.size() - 1; colour-- > 0;) {
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->backward(rows_, first, last); });
+    exchange_colour(colour);
+  }
   d == 2 ? unscale<2>() : unscale<3>();
 }
 

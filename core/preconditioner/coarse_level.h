@@ -12,6 +12,7 @@
 #include "core/base/work_meter.h"
 #include "core/kernels/hessian/batches.h"
 #include "core/preconditioner/coarse_kernels.h"
+#include "core/preconditioner/coarse_part.h"
 #include "core/preconditioner/coarse_space.h"
 #include "core/preconditioner/linear_level.h"
 #include "core/problem/problem.h"
@@ -30,8 +31,11 @@ namespace varimesh {
 /// ones.
 class CoarseLevel {
  public:
-  /// `batches`: of the problem. solve() overwrites their contributions. All arguments are kept by reference.
-  CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team);
+  /// `batches`: of the problem. solve() overwrites their contributions. All arguments are kept by reference. `part`:
+  /// null, or the part that a rank has of a whole problem; `problem` is that of the part, and all ranks call assemble()
+  /// and solve() together.
+  CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
+              const ProblemPart* part = nullptr);
 
   /// Assembles the matrix from what `hessian` has linearised. `meter` may be null. It counts assembly_work().
   void assemble(const HessianKernels& hessian, WorkMeter* meter = nullptr);
@@ -64,7 +68,8 @@ class CoarseLevel {
   /// zeros.
   void solve(std::span<const float> shared);
 
-  /// The coarse nodes, and the result of solve(): padded(d) floats for each.
+  /// The coarse nodes (with ranks: those of the rank's cells and ghosts), and the result of solve(): padded(d) floats
+  /// for each.
   const CoarseSpace& space() const { return space_; }
   const float* solution() const { return x_.data(); }
 
@@ -81,6 +86,20 @@ class CoarseLevel {
   }
 
  private:
+  /// What the levels of a whole problem are made from.
+  struct Tables {
+    CoarseSpace space;
+    std::vector<std::int32_t> colours;
+    NodeCells cells;
+  };
+  static Tables tables_of(const Problem& whole, const Team& team);
+  CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team, const ProblemPart* part,
+              Tables tables);
+  void take_part(const ProblemPart& part);
+  void make_vectors();
+  /// Nodes of other ranks get what those have: all, or those of a colour.
+  void exchange(UntouchedVector<float>& numbers, std::size_t width) const;
+  void exchange_colour(std::size_t colour);
   /// Assembles the matrices of both levels from the tensors.
   void make_matrix(WorkMeter* meter = nullptr);
   template <int d>
@@ -114,10 +133,13 @@ class CoarseLevel {
   const Problem& problem_;
   std::vector<BatchSet>& batches_;
   const Team& team_;
+  const ProblemPart* part_;
   CoarseSpace space_;                  ///< Its nodes are sorted by colour.
   std::vector<std::int32_t> colours_;  ///< colours + 1: where each colour's nodes begin.
   NodeCells cells_;                    ///< Of the coarse nodes.
   LinearLevel linear_;
+  Halo nodes_, contributions_;  ///< As CoarsePart; empty if there is no part.
+  std::vector<Halo> by_colour_;
   std::vector<SparseRows> to_coarse_;        ///< By set: the transpose of its values.
   NodePattern pattern_;                      ///< Of the matrix's blocks, without the diagonal.
   UntouchedVector<std::int16_t> entry_;      ///< As BlockRows::entry.

@@ -179,6 +179,21 @@ CoarseSpace coarse_space(const Problem& problem, int order, const Team& team) {
   return space;
 }
 
+std::vector<std::int32_t> lowest_mesh_nodes(const Problem& problem, const CoarseSpace& space) {
+  std::vector<std::int32_t> lowest(at(space.count), std::numeric_limits<std::int32_t>::max());
+  for (std::size_t s = 0; s < space.sets.size(); ++s) {
+    const CellSet& cells = problem.sets[s];
+    const std::vector<std::vector<int>> companions = fine_companions(cells.shape, space.order, cells.order);
+    for (std::size_t i = 0; i < space.sets[s].nodes.size(); ++i) {
+      if (space.sets[s].nodes[i] < 0) continue;
+      const std::int32_t* nodes = cells.nodes.data() + i / companions.size() * at(cells.nodes_per_cell);
+      std::int32_t& of_node = lowest[at(space.sets[s].nodes[i])];
+      for (const int n : companions[i % companions.size()]) of_node = std::min(of_node, nodes[n]);
+    }
+  }
+  return lowest;
+}
+
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number, const Team& team) {
   for (CoarseSpace::Set& set : space.sets)
     team.for_ranges(set.nodes.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {

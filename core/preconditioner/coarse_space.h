@@ -38,6 +38,9 @@ struct CoarseSpace {
 /// with the lowest number is free.
 CoarseSpace coarse_space(const Problem& problem, int order, const Team& team);
 
+/// By node of the space: the mesh node with the lowest number in its vertex, edge, face or interior, which is free.
+std::vector<std::int32_t> lowest_mesh_nodes(const Problem& problem, const CoarseSpace& space);
+
 /// Gives node i the number `number[i]`, a permutation.
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number, const Team& team);
 

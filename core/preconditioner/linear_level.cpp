@@ -6,6 +6,7 @@
 #include "core/base/aligned.h"
 #include "core/base/index.h"
 #include "core/kernels/hessian/batches.h"
+#include "core/preconditioner/coarse_part.h"
 #include "core/reference/basis.h"
 
 namespace varimesh {
@@ -53,9 +54,10 @@ SparseRows values_above(const Problem& problem, const CoarseSpace& above, const 
 }  // namespace
 
 LinearLevel::LinearLevel(const Problem& problem, const CoarseSpace& above, const NodeCells& cells_above,
-                         const Team& team)
+                         const Team& team, const ProblemPart* part)
     : problem_(problem),
       team_(team),
+      part_(part),
       space_(coarse_space(problem, 1, team)),
       cells_(node_cells(space_, team)),
       to_above_(values_above(problem, above, cells_above, space_, team)),
@@ -66,6 +68,44 @@ LinearLevel::LinearLevel(const Problem& problem, const CoarseSpace& above, const
       reduction_(team),
       right_(at(space_.count) * at(problem.dimension)),
       solution_(right_.size()) {}
+
+void LinearLevel::take_part(const std::vector<std::int32_t>& numbers_above) {
+  to_above_ = rows_of(to_above_, numbers_above);
+  from_above_ = transposed(to_above_, space_.count);
+  const std::vector<std::int32_t> ranks = ranks_of_coarse_nodes(space_, *part_);
+  for (std::int32_t rank = 0; rank < part_->partition.ranks; ++rank)
+    for (std::int32_t vertex = 0; vertex < space_.count; ++vertex)
+      if (ranks[at(vertex)] == rank) {
+        by_rank_.push_back(vertex);
+        if (rank == part_->share.ranks->rank()) own_.push_back(vertex);
+      }
+  for (std::size_t s = 0; s < part_->cells.size(); ++s) {
+    std::vector<std::int32_t>& places = places_.emplace_back(at(problem_.sets[s].count), -1);
+    for (std::size_t place = 0; place < part_->cells[s].size(); ++place)
+      if (part_->cells[s][place] >= 0) places[at(part_->cells[s][place])] = static_cast<std::int32_t>(place);
+  }
+}
+
+template <class Body>
+void LinearLevel::for_own(const Body& body) const {
+  if (part_ == nullptr) return team_.for_each(space_.count, kNodesPerTask, body);
+  team_.for_each(static_cast<std::int32_t>(own_.size()), kNodesPerTask, [&](std::int32_t i) { body(own_[at(i)]); });
+}
+
+template <class Begin>
+void LinearLevel::gather(std::vector<double>& numbers, const Begin& begin) const {
+  if (part_ == nullptr) return;
+  std::vector<double> mine;
+  for (const std::int32_t vertex : own_)
+    mine.insert(mine.end(), numbers.begin() + begin(vertex), numbers.begin() + begin(vertex + 1));
+  const std::vector<double> all = part_->share.ranks->gather_everywhere(mine);
+  auto from = all.begin();
+  for (const std::int32_t vertex : by_rank_) {
+    const std::ptrdiff_t count = begin(vertex + 1) - begin(vertex);
+    std::copy_n(from, count, numbers.begin() + begin(vertex));
+    from += count;
+  }
+}
 
 template <int d>
 double LinearLevel::stiffness(std::size_t set, const float* tensor, int i, int j) const {
@@ -91,7 +131,8 @@ void LinearLevel::assemble_row(std::int32_t vertex, const std::vector<std::vecto
   for (std::int64_t p = cells_.begin[at(vertex)]; p < cells_.begin[at(vertex) + 1]; ++p) {
     const Incidence& in = cells_.incidences[at(p)];
     const CoarseSpace::Set& set = space_.sets[at(in.set)];
-    const float* tensor = tensors[at(in.set)].data() + at(in.cell) * tensor_size(d);
+    const std::int32_t place = part_ == nullptr ? in.cell : places_[at(in.set)][at(in.cell)];
+    const float* tensor = tensors[at(in.set)].data() + at(place) * tensor_size(d);
     for (int j = 0; j < set.nodes_per_cell; ++j) {
       const std::int32_t other = set.nodes[at(in.cell) * at(set.nodes_per_cell) + at(j)];
       if (other < 0) continue;
@@ -116,9 +157,8 @@ void LinearLevel::raise_diagonal() {
 
 void LinearLevel::assemble(const std::vector<std::vector<float>>& tensors) {
   const int d = problem_.dimension;
-  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t vertex) {
-    d == 2 ? assemble_row<2>(vertex, tensors) : assemble_row<3>(vertex, tensors);
-  });
+  for_own([&](std::int32_t vertex) { d == 2 ? assemble_row<2>(vertex, tensors) : assemble_row<3>(vertex, tensors); });
+  gather(entry_, [&](std::int32_t vertex) { return pattern_.begin[at(vertex)]; });
   raise_diagonal();
   multigrid_.set_up({space_.count, pattern_.begin.data(), pattern_.column.data(), entry_.data()});
 }
@@ -126,7 +166,7 @@ void LinearLevel::assemble(const std::vector<std::vector<float>>& tensors) {
 template <int d>
 void LinearLevel::restrict_residual(const float* residual) {
   constexpr std::size_t kStride = padded(d);
-  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t vertex) {
+  for_own([&](std::int32_t vertex) {
     std::array<double, 3> sum{};
     for (std::int64_t i = from_above_.begin[vertex]; i < from_above_.begin[vertex + 1]; ++i)
       for (int k = 0; k < d; ++k) sum[k] += from_above_.factor[i] * residual[from_above_.column[i] * kStride + k];
@@ -137,6 +177,7 @@ void LinearLevel::restrict_residual(const float* residual) {
 void LinearLevel::solve(const float* residual) {
   const int d = problem_.dimension;
   d == 2 ? restrict_residual<2>(residual) : restrict_residual<3>(residual);
+  gather(right_, [&](std::int32_t vertex) { return std::ptrdiff_t{vertex} * d; });
   multigrid_.apply(right_, solution_, d);
 }
 

@@ -10,6 +10,7 @@
 #include "core/preconditioner/coarse_space.h"
 #include "core/preconditioner/multigrid/multigrid.h"
 #include "core/problem/problem.h"
+#include "core/terms/part/problem_part.h"
 
 namespace varimesh {
 
@@ -20,8 +21,14 @@ namespace varimesh {
 class LinearLevel {
  public:
   /// `above`: the space of the coarse level, in its final numbering, and `cells_above` the cells of its nodes. Only
-  /// problem and team are kept by reference.
-  LinearLevel(const Problem& problem, const CoarseSpace& above, const NodeCells& cells_above, const Team& team);
+  /// problem, team and part are kept by reference. `part`: null, or the part that a rank has of the problem. Then each
+  /// rank makes the rows and restricts the residual of the vertices that it owns, all ranks get all of them, and each
+  /// solves by itself.
+  LinearLevel(const Problem& problem, const CoarseSpace& above, const NodeCells& cells_above, const Team& team,
+              const ProblemPart* part = nullptr);
+
+  /// From now on the nodes above are those with these numbers, which ascend. `tensors` are by place in the part.
+  void take_part(const std::vector<std::int32_t>& numbers_above);
 
   /// Whether there is something to solve: no if the mesh has no free vertices.
   bool is_used() const { return space_.count > 0; }
@@ -61,9 +68,20 @@ class LinearLevel {
   void raise_diagonal();
   template <int d>
   void restrict_residual(const float* residual);
+  /// Calls body(vertex) for the vertices that this rank owns, by several threads.
+  template <class Body>
+  void for_own(const Body& body) const;
+  /// With ranks: all get the numbers that each has of its own vertices, those from begin(vertex) to begin(vertex + 1).
+  template <class Begin>
+  void gather(std::vector<double>& numbers, const Begin& begin) const;
 
   const Problem& problem_;
   const Team& team_;
+  const ProblemPart* part_;
+  std::vector<std::int32_t> own_;      ///< With ranks: the vertices that this rank owns, ascending,
+  std::vector<std::int32_t> by_rank_;  ///< and those of all ranks, in their order.
+  /// With ranks: by set and cell the place in the part.
+  std::vector<std::vector<std::int32_t>> places_;
   CoarseSpace space_;
   NodeCells cells_;                   ///< Of the vertices.
   SparseRows to_above_, from_above_;  ///< Values at the nodes above from those at the nodes here, and the transpose.

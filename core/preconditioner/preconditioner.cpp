@@ -34,16 +34,24 @@ void invert_block(const std::array<double, 6>& triangle, float* inverse) {
     for (int j = 0; j <= i; ++j) *inverse++ = static_cast<float>(out(i, j));
 }
 
+const Problem& whole_of(const Problem& problem, const ProblemPart* part) {
+  return part != nullptr ? *part->whole : problem;
+}
+
 }  // namespace
 
-Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team)
+Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
+                               const ProblemPart* part)
     : problem_(problem),
       team_(team),
-      coarse_(problem, batches, team),
-      stretched_(problem, batches, StretchedCells::most_cells(problem), team),
+      part_(part),
+      own_nodes_(part != nullptr ? static_cast<std::size_t>(part->share.own_nodes) : problem.free.size()),
+      coarse_(problem, batches, team, part),
+      stretched_(whole_of(problem, part), batches, StretchedCells::most_cells(whole_of(problem, part)), team, part),
       kernels_(make_coarse_kernels(problem.dimension)),
-      inverse_blocks_(problem.free.size() * triangle_size(problem.dimension)),
-      reduction_(team) {
+      inverse_blocks_(own_nodes_ * triangle_size(problem.dimension)),
+      reduction_(team, part != nullptr ? *part->share.ranks : one_rank(),
+                 part != nullptr ? part->share.stop : nullptr) {
   team.for_ranges(inverse_blocks_.size(), kFloatsPerTask, [&](std::size_t begin, std::size_t end) {
     std::fill_n(inverse_blocks_.data() + begin, end - begin, 0.0F);
   });
@@ -63,18 +71,18 @@ void Preconditioner::assemble(const HessianKernels& hessian, WorkMeter* meter) {
 double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
   const std::size_t d = problem_.dimension;
   // Before z is known, its memory holds r of each node divided by the number of its cells.
-  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(own_nodes_, kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t rank = begin; rank < end; ++rank) {
       const float share = 1 / static_cast<float>(problem_.offsets[rank + 1] - problem_.offsets[rank]);
       for (std::size_t k = rank * d; k < (rank + 1) * d; ++k) z[k] = share * r[k];
     }
   });
+  if (part_ != nullptr) part_->share.directions.exchange(z.data(), d, *part_->share.ranks);
   coarse_.solve(z);
-  const double along =
-      reduction_.sum_of_blocks(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
-        return kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(), r.data(),
-                                      z.data(), static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end));
-      });
+  const double along = reduction_.sum_of_blocks(own_nodes_, kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    return kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(), r.data(),
+                                  z.data(), static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end));
+  });
   return along + stretched_.add(r, z);
 }
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/base/aligned.h"
-#include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/base/work_meter.h"
 #include "core/kernels/kernels.h"
@@ -15,6 +14,8 @@
 #include "core/preconditioner/coarse_level.h"
 #include "core/preconditioner/stretched_cells.h"
 #include "core/problem/problem.h"
+#include "core/ranks/whole_reduction.h"
+#include "core/terms/part/problem_part.h"
 
 namespace varimesh {
 
@@ -22,10 +23,13 @@ namespace varimesh {
 /// the block's largest); I V Iᵀ is the coarse level; S solves on the few most stretched cells (stretched_cells.h).
 class Preconditioner {
  public:
-  /// `batches`: of the problem. apply() overwrites their contributions. All arguments are kept by reference.
-  Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team);
+  /// `batches`: of the problem. apply() overwrites their contributions. All arguments are kept by reference. `part`:
+  /// null, or the part that a rank has of a whole problem, and `problem` is that of the part. All ranks call assemble()
+  /// and apply() together, and each gets the numbers of its own nodes, with the bits that they have without ranks.
+  Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
+                 const ProblemPart* part = nullptr);
 
-  /// Sets the block of free node `rank`: its lower triangle by rows, xx, xy, yy, xz, yz, zz.
+  /// Sets the block of own free node `rank`: its lower triangle by rows, xx, xy, yy, xz, yz, zz.
   void set_block(std::int32_t rank, const std::array<double, 6>& triangle);
 
   /// Assembles the coarse level and the stretched cells from what `hessian` has linearised. The blocks are not set.
@@ -44,18 +48,20 @@ class Preconditioner {
 
   CoarseLevel& coarse() { return coarse_; }
 
-  /// z = M⁻¹ r, d floats per free node; z has padded(d) zeros more at its end. Returns r · z, which does not depend on
-  /// the number of threads.
+  /// z = M⁻¹ r, d floats per own free node; z has room for all free nodes, and padded(d) zeros at its end. Returns r ·
+  /// z, which does not depend on the number of threads.
   double apply(std::span<const float> r, std::span<float> z);
 
  private:
   const Problem& problem_;
   const Team& team_;
+  const ProblemPart* part_;
+  std::size_t own_nodes_;  ///< So many at the beginning of Problem::free.
   CoarseLevel coarse_;
   StretchedCells stretched_;
   std::unique_ptr<CoarseKernels> kernels_;
-  UntouchedVector<float> inverse_blocks_;  ///< By free node: lower triangle by rows.
-  Reduction reduction_;
+  UntouchedVector<float> inverse_blocks_;  ///< By own free node: lower triangle by rows.
+  WholeReduction reduction_;
 };
 
 }  // namespace varimesh

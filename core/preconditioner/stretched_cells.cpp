@@ -8,6 +8,7 @@
 
 #include "core/base/exact_sum.h"
 #include "core/base/index.h"
+#include "core/base/shared_work.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 
@@ -83,34 +84,46 @@ std::size_t triangle(std::size_t rows) { return rows * (rows + 1) / 2; }
 }  // namespace
 
 StretchedCells::StretchedCells(const Problem& problem, const std::vector<BatchSet>& batches, std::int32_t most_cells,
-                               const Team& team)
-    : problem_(problem), batches_(batches), most_cells_(most_cells), team_(team) {
+                               const Team& team, const ProblemPart* part)
+    : problem_(problem), batches_(batches), most_cells_(most_cells), team_(team), part_(part) {
+  if (part != nullptr) free_ = places_in_free(problem);
   const auto is_small = [](const CellSet& set) { return set.nodes_per_cell <= kMostCellNodes; };
   if (!std::ranges::all_of(problem.sets, is_small)) return;
   for (const CellSet& set : problem.sets) means_.push_back(means_of(set));
 }
 
-double StretchedCells::stretching(Cell cell, const std::vector<std::vector<float>>& tensors) const {
+bool StretchedCells::is_stretched(Cell cell, const std::vector<std::vector<float>>& tensors) const {
   const int d = problem_.dimension;
   const Shape shape = problem_.sets[at(cell.set)].shape;
   const float* tensor = tensors[at(cell.set)].data() + at(cell.cell) * at(tensor_size(d));
-  return d == 2 ? stretching_of<2>(shape, tensor) : stretching_of<3>(shape, tensor);
+  return static_cast<float>(d == 2 ? stretching_of<2>(shape, tensor) : stretching_of<3>(shape, tensor)) >=
+         kLeastStretching;
 }
 
 std::vector<StretchedCells::Cell> StretchedCells::find(const std::vector<std::vector<float>>& tensors) const {
   if (means_.empty()) return {};
-  std::vector<float> stretching_at(at(problem_.cells));
+  std::vector<char> is_one(at(problem_.cells));
   std::vector<Cell> found;
   for (std::int32_t set = 0; set < static_cast<std::int32_t>(problem_.sets.size()); ++set) {
     const CellSet& cells = problem_.sets[at(set)];
     team_.for_each(cells.count, kCellsPerTask, [&](std::int32_t cell) {
-      stretching_at[at(cells.first + cell)] = static_cast<float>(stretching({set, cell}, tensors));
+      is_one[at(cells.first + cell)] = is_stretched({set, cell}, tensors) ? 1 : 0;
     });
     for (std::int32_t cell = 0; cell < cells.count; ++cell)
-      if (stretching_at[at(cells.first + cell)] >= kLeastStretching) found.push_back({set, cell});
+      if (is_one[at(cells.first + cell)] != 0) found.push_back({set, cell});
   }
   if (static_cast<std::int32_t>(found.size()) > most_cells_) found.clear();
   return found;
+}
+
+std::int32_t StretchedCells::rank(Cell cell, int node) const {
+  if (part_ == nullptr) {
+    const BatchSet& set = batches_[at(cell.set)];
+    return set.ranks[set.contribution_index(cell.cell, node, 1)];
+  }
+  const CellSet& cells = problem_.sets[at(cell.set)];
+  const std::int32_t free = free_[at(cells.nodes[at(cell.cell) * at(cells.nodes_per_cell) + at(node)])];
+  return free >= 0 ? free : static_cast<std::int32_t>(problem_.free.size());
 }
 
 std::vector<std::int32_t> StretchedCells::ranks_of(Cell cell) const {
@@ -161,6 +174,40 @@ void StretchedCells::join(const std::vector<Cell>& cells) {
 }
 
 void StretchedCells::assemble(const std::vector<std::vector<float>>& tensors) {
+  if (part_ == nullptr) return assemble_whole(tensors);
+  const std::vector<std::vector<float>> all = gather_if_stretched(tensors);
+  if (all.empty())
+    groups_.clear();
+  else
+    assemble_whole(all);
+}
+
+std::vector<std::vector<float>> StretchedCells::gather_if_stretched(
+    const std::vector<std::vector<float>>& tensors) const {
+  const auto size = at(tensor_size(problem_.dimension));
+  std::int64_t count = 0;
+  for (std::size_t s = 0; s < problem_.sets.size() && !means_.empty(); ++s)
+    count += count_where(team_, at(part_->problem.sets[s].count), kCellsPerTask, [&](std::size_t cell) {
+      return is_stretched({static_cast<std::int32_t>(s), static_cast<std::int32_t>(cell)}, tensors);
+    });
+  count = part_->share.ranks->sum(count);
+  if (count == 0 || count > most_cells_) return {};
+  std::vector<std::vector<float>> all;
+  for (std::size_t s = 0; s < problem_.sets.size(); ++s) {
+    const std::size_t own = at(part_->problem.sets[s].count);
+    std::vector<std::int32_t> cells(part_->cells[s].begin(),
+                                    part_->cells[s].begin() + static_cast<std::ptrdiff_t>(own));
+    cells = part_->share.ranks->gather_everywhere(cells);
+    const std::vector<float> came = part_->share.ranks->gather_everywhere(
+        std::vector<float>(tensors[s].begin(), tensors[s].begin() + static_cast<std::ptrdiff_t>(own * size)));
+    std::vector<float>& of_set = all.emplace_back(at(problem_.sets[s].count) * size);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      std::copy_n(came.data() + i * size, size, of_set.data() + at(cells[i]) * size);
+  }
+  return all;
+}
+
+void StretchedCells::assemble_whole(const std::vector<std::vector<float>>& tensors) {
   join(find(tensors));
   std::vector<int> count(problem_.free.size(), 0);
   for (const Group& group : groups_)
@@ -238,8 +285,36 @@ void StretchedCells::apply(Group& group, std::span<const float> r) const {
     to.segment<d>(static_cast<Eigen::Index>(n) * d) *= group.weight[n];
 }
 
-double StretchedCells::add(std::span<const float> r, std::span<float> z) {
+std::vector<float> StretchedCells::gather_at_groups(std::span<const float> r) const {
   const std::size_t d = at(problem_.dimension);
+  std::vector<char> is_in(problem_.free.size());
+  for (const Group& group : groups_)
+    for (const std::int32_t node : group.ranks) is_in[at(node)] = 1;
+  std::vector<std::int32_t> nodes;
+  std::vector<float> mine;
+  for (std::size_t f = 0; f < at(part_->share.own_nodes); ++f)
+    if (is_in[at(part_->share.numbers[f])] != 0) {
+      nodes.push_back(part_->share.numbers[f]);
+      for (std::size_t k = 0; k < d; ++k) mine.push_back(r[f * d + k]);
+    }
+  nodes = part_->share.ranks->gather_everywhere(nodes);
+  mine = part_->share.ranks->gather_everywhere(mine);
+  std::vector<float> all(problem_.free.size() * d, 0.0F);
+  for (std::size_t i = 0; i < nodes.size(); ++i) std::copy_n(mine.data() + i * d, d, all.data() + at(nodes[i]) * d);
+  return all;
+}
+
+double StretchedCells::add(std::span<const float> r, std::span<float> z) {
+  if (groups_.empty()) return 0;
+  const std::size_t d = at(problem_.dimension);
+  std::vector<float> gathered;
+  std::vector<std::int32_t> place;  // with ranks: of the rank's own nodes in z
+  if (part_ != nullptr) {
+    gathered = gather_at_groups(r);
+    r = gathered;
+    place.assign(problem_.free.size(), -1);
+    for (std::int32_t f = 0; f < part_->share.own_nodes; ++f) place[at(part_->share.numbers[at(f)])] = f;
+  }
   team_.for_each(static_cast<std::int32_t>(groups_.size()), 1, [&](std::int32_t g) {
     if (groups_[at(g)].inverse_factor.empty()) return;
     d == 2 ? apply<2>(groups_[at(g)], r) : apply<3>(groups_[at(g)], r);
@@ -248,8 +323,10 @@ double StretchedCells::add(std::span<const float> r, std::span<float> z) {
   for (const Group& group : groups_) {
     if (group.inverse_factor.empty()) continue;
     along.add(group.along);
-    for (std::size_t n = 0; n < group.ranks.size(); ++n)
-      for (std::size_t k = 0; k < d; ++k) z[at(group.ranks[n]) * d + k] += group.product[n * d + k];
+    for (std::size_t n = 0; n < group.ranks.size(); ++n) {
+      const std::int32_t to = part_ == nullptr ? group.ranks[n] : place[at(group.ranks[n])];
+      for (std::size_t k = 0; k < d && to >= 0; ++k) z[at(to) * d + k] += group.product[n * d + k];
+    }
   }
   return along.value();
 }

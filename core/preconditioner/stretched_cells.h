@@ -9,6 +9,7 @@
 #include "core/base/team.h"
 #include "core/kernels/hessian/batches.h"
 #include "core/problem/problem.h"
+#include "core/terms/part/problem_part.h"
 
 namespace varimesh {
 
@@ -39,19 +40,20 @@ class StretchedCells {
   static constexpr std::int32_t kCellsPerStretched = 64;
 
   /// `batches`: of the problem. `most_cells`: if more cells are stretched, none counts. Keeps references to problem,
-  /// batches and team.
+  /// batches, team and part. `part`: null, or the part that a rank has of the problem, and `batches` are that part's.
+  /// All ranks call assemble() and add() together. Each has all groups, because there are few.
   StretchedCells(const Problem& problem, const std::vector<BatchSet>& batches, std::int32_t most_cells,
-                 const Team& team);
+                 const Team& team, const ProblemPart* part = nullptr);
 
   /// The largest number of stretched cells in a mesh that count.
   static std::int32_t most_cells(const Problem& problem) { return problem.cells / kCellsPerStretched; }
 
   /// Finds the stretched cells and factors the matrices of their groups. `tensors`: by set, as
-  /// HessianKernels::mean_tensors. Inside team.run().
+  /// HessianKernels::mean_tensors; of a part: by place. Inside team.run().
   void assemble(const std::vector<std::vector<float>>& tensors);
 
-  /// Adds the sum above, applied to r, to z: d floats per free node. Returns r · what is added, which does not depend
-  /// on the number of threads. Inside team.run().
+  /// Adds the sum above, applied to r, to z: d floats per own free node. Returns r · what is added, which does not
+  /// depend on the number of threads. Inside team.run().
   double add(std::span<const float> r, std::span<float> z);
 
   struct Group {
@@ -71,7 +73,13 @@ class StretchedCells {
     std::int32_t set, cell;
   };
 
-  double stretching(Cell at, const std::vector<std::vector<float>>& tensors) const;
+  void assemble_whole(const std::vector<std::vector<float>>& tensors);
+  /// With ranks: the tensors of all cells of the problem if there are stretched cells, and not too many; otherwise
+  /// nothing.
+  std::vector<std::vector<float>> gather_if_stretched(const std::vector<std::vector<float>>& tensors) const;
+  /// With ranks: r at the nodes of the groups, in place of others 0, by free node of the problem.
+  std::vector<float> gather_at_groups(std::span<const float> r) const;
+  bool is_stretched(Cell at, const std::vector<std::vector<float>>& tensors) const;
   /// The cells that count, in ascending order.
   std::vector<Cell> find(const std::vector<std::vector<float>>& tensors) const;
   /// Sets groups_ without their factors: cells that share at least three nodes are joined as long as the nodes are not
@@ -83,15 +91,15 @@ class StretchedCells {
   void factorise(Group& group, const std::vector<std::vector<float>>& tensors) const;
   template <int d>
   void apply(Group& group, std::span<const float> r) const;
-  std::int32_t rank(Cell at, int node) const {
-    const BatchSet& set = batches_[static_cast<std::size_t>(at.set)];
-    return set.ranks[set.contribution_index(at.cell, node, 1)];
-  }
+  /// Of a node of the cell among the free nodes; their number if it is fixed.
+  std::int32_t rank(Cell cell, int node) const;
 
   const Problem& problem_;
   const std::vector<BatchSet>& batches_;
   std::int32_t most_cells_;
   const Team& team_;
+  const ProblemPart* part_;
+  std::vector<std::int32_t> free_;  ///< With ranks: places_in_free() of the problem.
   /// By set: nodes × nodes × d·d, means of ∂_k φ_a ∂_l φ_b over the reference cell, innermost (k, l). Empty if a set
   /// has cells of more than kMostCellNodes nodes; then no cell counts as stretched.
   std::vector<std::vector<float>> means_;

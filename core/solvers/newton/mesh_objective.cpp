@@ -15,19 +15,21 @@ constexpr std::size_t kNumbersPerTask = 16384;
 }  // namespace
 
 MeshObjective::MeshObjective(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
-                             const Team& team)
+                             const Team& team, const ProblemPart* part)
     : problem_(problem),
       hessian_(hessian),
       team_(team),
-      reduction_(team),
-      energy_(problem, kernels, hessian, norm, team),
-      preconditioner_(problem, energy_.batches(), team),
-      unknowns_(problem.free.size() * at(problem.dimension)),
+      part_(part),
+      own_nodes_(part != nullptr ? at(part->share.own_nodes) : problem.free.size()),
+      reduction_(team, part != nullptr ? *part->share.ranks : one_rank(), part != nullptr ? part->share.stop : nullptr),
+      energy_(problem, kernels, hessian, norm, team, part != nullptr ? &part->share : nullptr),
+      preconditioner_(problem, energy_.batches(), team, part),
+      unknowns_(own_nodes_ * at(problem.dimension)),
       gradient_(unknowns_),
       step_(unknowns_),
       residual_(unknowns_),
-      direction_(unknowns_ + at(padded(problem.dimension))),
-      product_(unknowns_ + at(padded(problem.dimension))) {
+      direction_(problem.free.size() * at(problem.dimension) + at(padded(problem.dimension))),
+      product_(direction_.size()) {
   std::fill(product_.begin() + static_cast<std::ptrdiff_t>(unknowns_), product_.end(), 0.0F);
   std::fill(direction_.begin() + static_cast<std::ptrdiff_t>(unknowns_), direction_.end(), 0.0F);
 }
@@ -58,6 +60,8 @@ void MeshObjective::scale_residual() {
 // ===== Conjugate gradients =====
 
 double MeshObjective::multiply() {
+  if (part_ != nullptr)
+    part_->share.directions.exchange(direction_.data(), at(problem_.dimension), *part_->share.ranks);
   const double curvature = energy_.multiply(direction_, product_);
   if (meter_ != nullptr) meter_->add(1);
   return curvature;
@@ -75,7 +79,7 @@ void MeshObjective::advance(double alpha) {
 
 void MeshObjective::turn(double beta) {
   if (beta == 0) {
-    return shared_copy<float>(product_, direction_, team_);
+    return shared_copy<float>(std::span(product_).first(unknowns_), std::span(direction_).first(unknowns_), team_);
   }
   const auto beta_float = static_cast<float>(beta);
   team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
@@ -103,7 +107,7 @@ double MeshObjective::preconditioned_norm(double rq) const {
 template <class Number>
 double MeshObjective::largest_displacement(std::span<const Number> displacements) {
   const std::size_t d = at(problem_.dimension);
-  return std::sqrt(reduction_.largest(problem_.free.size(), kNumbersPerTask / 4, [&](std::size_t rank) {
+  return std::sqrt(reduction_.largest(own_nodes_, kNumbersPerTask / 4, [&](std::size_t rank) {
     double square = 0;
     for (std::size_t k = 0; k < d; ++k) {
       const auto component = static_cast<double>(displacements[rank * d + k]);
@@ -135,7 +139,7 @@ double MeshObjective::finish_step() {
   });
   step_scale_ = 1;
   const std::size_t d = at(problem_.dimension);
-  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(own_nodes_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f)
       std::copy_n(&problem_.positions[at(problem_.free[f]) * d], d, &gradient_[f * d]);
   });
@@ -152,11 +156,12 @@ double MeshObjective::move(double alpha) {
 
 void MeshObjective::place(double alpha, const Team& team) {
   const std::size_t d = at(problem_.dimension);
-  team.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team.for_ranges(own_nodes_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f)
       for (std::size_t k = 0; k < d; ++k)
         problem_.positions[at(problem_.free[f]) * d + k] = gradient_[f * d + k] + alpha * step_[f * d + k];
   });
+  if (part_ != nullptr) part_->share.positions.exchange(problem_.positions.data(), d, *part_->share.ranks);
 }
 
 }  // namespace varimesh

@@ -17,10 +17,20 @@ namespace varimesh {
 /// allowed.
 ///
 /// Expects the δ of the cells to be up to date (Sweeper::scan).
+///
+/// With the part that a rank has of a whole problem, the rank's own free nodes are the unknowns here. All ranks call
+/// the functions of Minimised together. They get the same numbers, and each its own unknowns with the bits that they
+/// have without ranks. The positions of the part's other nodes follow. Only ProblemShare::stop interrupts them, all at
+/// once.
 class MeshObjective final : public Minimised {
  public:
   MeshObjective(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
-                const Team& team);
+                const Team& team)
+      : MeshObjective(problem, kernels, hessian, norm, team, nullptr) {}
+  /// Of a part.
+  MeshObjective(ProblemPart& part, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
+                const Team& team)
+      : MeshObjective(part.problem, kernels, hessian, norm, team, &part) {}
 
   /// Reports assemblies, products and what the kernels do to `meter`, which may be null and must outlive the object.
   /// `point`: the operations of the kernels' energy.
@@ -50,6 +60,8 @@ class MeshObjective final : public Minimised {
   Preconditioner& preconditioner() { return preconditioner_; }
 
  private:
+  MeshObjective(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
+                const Team& team, const ProblemPart* part);
   void begin_assembly(std::int64_t work) {
     if (meter_ != nullptr) meter_->begin(Activity::Assembly, work);
   }
@@ -64,17 +76,19 @@ class MeshObjective final : public Minimised {
   Problem& problem_;
   const HessianKernels& hessian_;
   const Team& team_;
-  Reduction reduction_;
+  const ProblemPart* part_;
+  std::size_t own_nodes_;  ///< So many at the beginning of Problem::free.
+  WholeReduction reduction_;
   WorkMeter* meter_ = nullptr;
   CellEnergy energy_;
   Preconditioner preconditioner_;
   std::size_t unknowns_;
   double gradient_scale_ = 1;                     ///< The residual is divided by this.
   double step_scale_ = 1, correction_scale_ = 1;  ///< step_ and product_ times these are displacements.
-  /// d per free node: the gradient. The line search does not need it and keeps the nodes' first positions here.
+  /// d per own free node: the gradient. The line search does not need it and keeps the nodes' first positions here.
   UntouchedVector<double> gradient_;
   UntouchedVector<double> step_;
-  UntouchedVector<float> residual_;  ///< d per free node.
+  UntouchedVector<float> residual_;  ///< d per own free node.
   // d per free node, then padded(d) zeros:
   UntouchedVector<float> direction_;
   UntouchedVector<float> product_;  ///< H direction_, and when that has been used, M⁻¹ residual_.

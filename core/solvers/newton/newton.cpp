@@ -3,6 +3,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/index.h"
+
 namespace varimesh {
 
 Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
@@ -34,6 +36,15 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
   method_.emplace(*on_processor_, rules(tolerance));
 }
 
+Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
+               double tolerance, const Team& team, const Ranks& ranks, const StopToken* stop)
+    : problem_(problem), kernels_(kernels), hessian_(hessian), norm_(norm), tolerance_(tolerance), team_(team) {
+  part_.emplace(part_of(problem, ranks, stop));
+  scans_.resize(at(problem.cells));
+  use_processor();
+  method_.emplace(*on_processor_, rules(tolerance));
+}
+
 NewtonRules Newton::rules(double tolerance) {
   NewtonRules rules;
   rules.most_products = kMostProducts;
@@ -42,7 +53,8 @@ NewtonRules Newton::rules(double tolerance) {
 }
 
 void Newton::use_processor() {
-  on_processor_ = std::make_unique<MeshObjective>(problem_, kernels_, hessian_, norm_, team_);
+  on_processor_ = part_ ? std::make_unique<MeshObjective>(*part_, kernels_, hessian_, norm_, team_)
+                        : std::make_unique<MeshObjective>(problem_, kernels_, hessian_, norm_, team_);
 }
 
 void Newton::solve_roughly(int most_products) { method_->solve_roughly(most_products); }
@@ -56,7 +68,16 @@ void Newton::count_with(WorkMeter* meter, const PointOperations& point) {
     on_processor_->count_with(meter, point);
 }
 
+NewtonOutcome Newton::step_of_part() {
+  part_->follow();
+  const NewtonOutcome outcome = method_->step();
+  gather_positions(*part_, problem_.positions);
+  gather_cells<CellScan>(*part_, on_processor_->scans(), scans_);
+  return outcome;
+}
+
 NewtonOutcome Newton::step() {
+  if (part_) return step_of_part();
   if (!on_device_) return method_->step();
   const NewtonMethod before = *method_;
   std::vector<double> positions = problem_.positions;

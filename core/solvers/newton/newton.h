@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "core/device/run_device.h"
 #include "core/energy/material.h"
@@ -13,8 +14,9 @@
 
 namespace varimesh {
 
-/// Newton steps on a problem (newton_method.h). The vectors are on the processor (mesh_objective.h) or on a device
-/// (device_objective.h). The line search never makes a valid cell invalid.
+/// Newton steps on a problem (newton_method.h). The vectors are on the processor (mesh_objective.h), on a device
+/// (device_objective.h), or on the processors of several ranks, each of which has a part (problem_part.h). The line
+/// search never makes a valid cell invalid.
 class Newton {
  public:
   /// Of the Hessian and a direction, per step. Usual steps need 5 to 60, and 400 at λ = 640. If a step needs more than
@@ -28,6 +30,11 @@ class Newton {
   /// and so are all that follow.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team, device::RunDevice& device, const Material& material);
+  /// The same by these ranks, each of which has the whole problem and works on a part of it. All call step() together,
+  /// and afterwards all have the positions of all nodes and the scans of all cells, with the bits of a Newton without
+  /// ranks. `stop`: at whose wish on any rank all are interrupted; may be null. `team` has no token of its own.
+  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
+         const Team& team, const Ranks& ranks, const StopToken* stop = nullptr);
   Newton(const Newton&) = delete;
   Newton& operator=(const Newton&) = delete;
 
@@ -41,7 +48,10 @@ class Newton {
   bool is_on_device() const { return on_device_ != nullptr; }
 
   /// By cell: the scans after the step, with the δ from before it.
-  std::span<const CellScan> scans() const { return on_device_ ? on_device_->scans() : on_processor_->scans(); }
+  std::span<const CellScan> scans() const {
+    if (part_) return scans_;
+    return on_device_ ? on_device_->scans() : on_processor_->scans();
+  }
 
   /// Reads or writes what a step leaves for the next. It does not depend on where the vectors are.
   template <class Archive>
@@ -56,6 +66,7 @@ class Newton {
  private:
   static NewtonRules rules(double tolerance);
   void use_processor();
+  NewtonOutcome step_of_part();
   /// Gives the device up, and puts the method where it was before the step that failed. The nodes are there already.
   void leave_device(const device::Fault& fault, const NewtonMethod& before);
 
@@ -68,6 +79,8 @@ class Newton {
   device::RunDevice* device_ = nullptr;
   WorkMeter* meter_ = nullptr;
   PointOperations point_;
+  std::optional<ProblemPart> part_;             ///< With ranks: what this one works on,
+  std::vector<CellScan> scans_;                 ///< and the scans of all cells.
   std::unique_ptr<DeviceObjective> on_device_;  ///< One of these two is there.
   std::unique_ptr<MeshObjective> on_processor_;
   std::optional<NewtonMethod> method_;
