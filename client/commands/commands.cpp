@@ -25,11 +25,11 @@ Actions for_one_process(Actions actions) {
 }
 
 /// All commands.
-Actions list(Command program, const QualityRun& quality) {
+Actions list(Command program, const QualityRun& quality, const OptimiseRun& optimise_one, const SeveralRun& several) {
   program.describe("varimesh",
                    "Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.",
                    std::string(version()));
-  return {{"optimise", add_optimise(program)},
+  return {{"optimise", add_optimise(program, optimise_one, several)},
           {"curve", add_curve(program)},
           {"mesh", add_mesh(program)},
           {"quality", add_quality(program, quality)},
@@ -54,17 +54,24 @@ Actions list(Command program, const QualityRun& quality) {
 
 }  // namespace
 
-Actions add_commands(Command program) { return for_one_process(list(program, quality_of_file)); }
+Actions add_commands(Command program) {
+  return for_one_process(list(program, quality_of_file, optimise, optimise_several));
+}
 
-Actions add_commands_of_ranks(Command program, const QualityRun& quality) {
-  Actions actions = list(program, quality);
+Actions add_commands_of_ranks(Command program, const QualityRun& quality, const OptimiseRun& optimise_together) {
+  const auto refuse = [](const std::string& what) {
+    return print_error(
+        {Error::Kind::BadOption, "varimesh-mpi shares only the work of 'quality' and of 'optimise' so far; 'varimesh " +
+                                     what + "' does this in one process."});
+  };
+  const SeveralRun several = [refuse](const OptimiseArguments&, const std::vector<std::string>&, const std::string&) {
+    return refuse("optimise --into");
+  };
+  Actions actions = list(program, quality, optimise_together, several);
   for (auto& [name, action] : actions)
-    if (name != "quality" && std::ranges::find(kHarmlessTogether, name) == kHarmlessTogether.end())
-      action = [name] {
-        return print_error(
-            {Error::Kind::BadOption, "varimesh-mpi shares only the work of 'quality' so far; 'varimesh " + name +
-                                         "' does this in one process."});
-      };
+    if (name != "quality" && name != "optimise" &&
+        std::ranges::find(kHarmlessTogether, name) == kHarmlessTogether.end())
+      action = [refuse, name] { return refuse(name); };
   return actions;
 }
 

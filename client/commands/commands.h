@@ -2,11 +2,13 @@
 #pragma once
 
 #include "client/cli/parser.h"
+#include "client/runs/optimise_run.h"
 #include "client/runs/quality_run.h"
+#include "client/runs/several_runs.h"
 
 namespace varimesh::client {
 
-Action add_optimise(Command program);
+Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRun& run_several);
 Action add_curve(Command program);
 Action add_mesh(Command program);
 Action add_layers(Command program);
@@ -36,8 +38,8 @@ Action add_quality(Command program, const QualityRun& run);
 Actions add_commands(Command program);
 
 /// The same for a program whose processes share the work. Commands that cannot do that refuse.
-/// @param quality carries out `quality`, in all processes together
-Actions add_commands_of_ranks(Command program, const QualityRun& quality);
+/// @param quality, optimise carry out the commands of these names, in all processes together
+Actions add_commands_of_ranks(Command program, const QualityRun& quality, const OptimiseRun& optimise);
 
 /// Runs the command line of a program with these commands, and returns its exit status. Prints what went wrong, also if
 /// standard output cannot be written.

@@ -22,16 +22,16 @@ Expected<void> check_outputs_named(const Arguments& arguments) {
   return {};
 }
 
-int run(const Arguments& arguments) {
-  if (!arguments.into.empty()) return optimise_several(arguments.run, arguments.meshes, arguments.into);
+int run(const Arguments& arguments, const OptimiseRun& run_one, const SeveralRun& run_several) {
+  if (!arguments.into.empty()) return run_several(arguments.run, arguments.meshes, arguments.into);
   OptimiseArguments one = arguments.run;
   one.input.mesh = arguments.meshes.front();
-  return optimise(std::move(one));
+  return run_one(one);
 }
 
 }  // namespace
 
-Action add_optimise(Command program) {
+Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRun& run_several) {
   auto arguments = std::make_shared<Arguments>();
   Command command = program.add_command(
       "optimise", "Move interior nodes until every element is valid and the mesh accurate, and write the result");
@@ -47,7 +47,7 @@ Action add_optimise(Command program) {
       .value("DIR")
       .excludes("--output");
   command.at_end([arguments] { return check_outputs_named(*arguments); });
-  return [arguments] { return run(*arguments); };
+  return [arguments, run_one, run_several] { return run(*arguments, run_one, run_several); };
 }
 
 }  // namespace varimesh::client

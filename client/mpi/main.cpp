@@ -7,6 +7,7 @@
 #include <streambuf>
 
 #include "client/commands/commands.h"
+#include "client/mpi/optimise_of_ranks.h"
 #include "client/mpi/quality_of_ranks.h"
 #include "client/mpi/streams_in_turn.h"
 #include "client/process/exit_status.h"
@@ -44,9 +45,9 @@ int main(int argc, char** argv) {
   }
   // If one rank ends with a sentence, mpirun interrupts the others, and they have nothing to add.
   client::say_nothing_of_interrupts();
-  const auto quality = [&](const client::QualityArguments& arguments) {
+  const auto together = [&](const auto& work) {
     try {
-      return client::quality_of_ranks(arguments, session.ranks());
+      return work();
     } catch (const std::bad_alloc&) {
       in_turn.reset();  // writes what waits
       give_up(standard_error,
@@ -56,8 +57,14 @@ int main(int argc, char** argv) {
       give_up(standard_error, std::string("a rank ended unexpectedly (") + error.what() + "); please report it.");
     }
   };
+  const client::QualityRun quality = [&](const client::QualityArguments& arguments) {
+    return together([&] { return client::quality_of_ranks(arguments, session.ranks()); });
+  };
+  const client::OptimiseRun optimise = [&](const client::OptimiseArguments& arguments) {
+    return together([&] { return client::optimise_of_ranks(arguments, session.ranks()); });
+  };
   const int status = client::run_program(
-      argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality); });
+      argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality, optimise); });
   in_turn.reset();
   std::cout.rdbuf(standard_output);
   std::cerr.rdbuf(standard_error);

@@ -1,6 +1,7 @@
 // What the commands optimise, curve and mesh share: they run one job on a mesh and deliver its result.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,6 +29,9 @@ void add_run_flags(Command command, OptimiseArguments* arguments);
 
 /// Runs the job and returns the exit status.
 int optimise(OptimiseArguments arguments);
+
+/// Does what the arguments ask for, and returns the exit status.
+using OptimiseRun = std::function<int(const OptimiseArguments&)>;
 
 /// Makes a curved mesh from a straight one and its geometry: the same with the order in `options` as that of the curved
 /// mesh. If elements are not certified valid at the end, it says on which surfaces they lie.

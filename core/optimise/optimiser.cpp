@@ -10,6 +10,7 @@
 
 #include "core/base/index.h"
 #include "core/base/team.h"
+#include "core/device/fault.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
@@ -22,6 +23,7 @@
 #include "core/optimise/sequences/splitting.h"
 #include "core/optimise/set_up.h"
 #include "core/problem/fixed_nodes.h"
+#include "core/ranks/ranks.h"
 #include "core/validity/orientation.h"
 
 namespace varimesh {
@@ -104,6 +106,24 @@ Forecast forecast_of(const Options& options) {
                    .time_limit = options.time_limit});
 }
 
+/// What a run with ranks may ask: nothing that one of them would be told alone. Errors: BadOption.
+Expected<RunControl> control_of_ranks(RunControl control, const Options& options) {
+  if (control.ranks == nullptr || control.ranks->count() == 1) {
+    control.ranks = nullptr;
+    return control;
+  }
+  if (options.time_limit > 0)
+    return bad_option(
+        "time_limit ends no run of several processes, because they would not end together; leave it at 0.");
+  control.stop_asked = {};
+  control.checkpoint = {};
+  control.checkpoint_due = {};
+  control.open_device = [] {
+    return device::fault(device::Fault::Kind::NoDriver, "Several processes that share a run use no device.");
+  };
+  return control;
+}
+
 /// Optimises the mesh of the set-up, with splits if they were asked for. Says what is left.
 Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl control, StopToken& stop) {
   const Options& options = set_up.options;
@@ -172,7 +192,10 @@ Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIt
 }
 
 Expected<Result> optimise(CheckedMesh mesh, const Options& options, const OnIteration& on_iteration,
-                          const RunControl& control) {
+                          const RunControl& given) {
+  const Expected<RunControl> together = control_of_ranks(given, options);
+  if (!together) return tl::unexpected(together.error());
+  const RunControl& control = *together;
   StopToken stop(control.stop_asked);
   if (options.time_limit > 0) stop.stop_after(options.time_limit - mesh.seconds);
   // Before it is stopped, a run that goes on from a checkpoint must have the mesh that it had come to.
@@ -226,7 +249,10 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
 }
 
 Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration,
-                                const RunControl& control) {
+                                const RunControl& given) {
+  const Expected<RunControl> together = control_of_ranks(given, set_up_->options);
+  if (!together) return tl::unexpected(together.error());
+  const RunControl& control = *together;
   if ((set_up_->layers.cells > 0 || set_up_->is_spent) && coordinates.size() == set_up_->mesh.coordinates.size()) {
     // Layers were found in other coordinates, or are no longer as they came; or the tables were freed.
     HighOrderMesh again = set_up_->mesh;

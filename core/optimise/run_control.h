@@ -17,6 +17,7 @@
 namespace varimesh {
 
 class Forecast;
+class Ranks;
 namespace device {
 class RunDevice;
 }
@@ -88,6 +89,11 @@ struct RunControl {
   /// So the run hands such a mesh out as soon as its own methods have done what they can: it does not lower the loss of
   /// accuracy, and tries no other energies and targets. Set by optimise_on_geometry().
   bool another_follows = false;
+  /// The ranks that make this run together, all of which call optimise() with the same mesh and the same options; null:
+  /// it runs alone. They share the steps of Newton's method, and each does everything else by itself, so all have the
+  /// same result, that of a run alone. Such a run has no device, no checkpoints and no time limit, and stop_asked is
+  /// not asked. on_iteration must return the same on all ranks. It must outlive the run.
+  const Ranks* ranks = nullptr;
 };
 
 }  // namespace varimesh

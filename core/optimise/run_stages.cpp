@@ -75,7 +75,8 @@ StageContext Run::context() {
           control_.shallow_untangling ? kOneLayer : Untangler::Depth(),
           control_.meter,
           control_.spare_memory,
-          control_.device};
+          control_.device,
+          control_.ranks};
 }
 
 std::optional<StopReason> Run::begin() {

@@ -53,6 +53,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       meter_(context.meter),
       spare_memory_(context.spare_memory),
       device_(context.device),
+      ranks_(context.ranks),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
@@ -158,7 +159,9 @@ std::optional<StageRun::MethodOutcome> StageRun::raise() {
 
 Newton& StageRun::newton() {
   if (newton_) return *newton_;
-  if (device_ != nullptr && !gave_device_up_)
+  if (ranks_ != nullptr)
+    newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_, *ranks_);
+  else if (device_ != nullptr && !gave_device_up_)
     newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_, *device_, material(options_));
   else
     newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);

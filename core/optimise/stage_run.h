@@ -39,6 +39,7 @@ struct StageContext {
   WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; may be null.
   SpareMemory spare_memory = {};           ///< For the Hessians of untangling.
   device::RunDevice* device = nullptr;     ///< For Newton's method; may be null, or without a device.
+  const Ranks* ranks = nullptr;            ///< That share the steps of Newton's method; null: there are none.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -144,6 +145,7 @@ class StageRun {
   WorkMeter* meter_;
   const SpareMemory spare_memory_;
   device::RunDevice* const device_;
+  const Ranks* const ranks_;
   bool gave_device_up_ = false;      ///< Newton's method had no device in this stage before it rested.
   std::vector<char> device_before_;  ///< What a checkpoint calls the device on which steps were made.
   Stopwatch watch_;

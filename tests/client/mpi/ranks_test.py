@@ -2,6 +2,7 @@
 import array
 import fcntl
 import os
+import re
 import shutil
 import signal
 import struct
@@ -132,6 +133,55 @@ class Bytes(WithMeshes):
             self.assertIn(b'"elements"', process.stdout.read())
 
 
+class Optimise(WithMeshes):
+    """The result of several processes has the bytes of the plain program's."""
+    SECONDS = re.compile(r"[0-9.e-]+ s\b|\"seconds\": [0-9.e-]+")
+
+    def without_seconds(self, text):
+        return self.SECONDS.sub("some time", text)
+
+    def assert_same(self, mesh, *flags, ranks=(1, 2, 3, 5, 8)):
+        alone, together = self.folder / "alone.msh", self.folder / "together.msh"
+        histories = self.folder / "alone.csv", self.folder / "together.csv"
+        arguments = ["optimise", mesh, "--objective", "energy", *flags]
+        plain = run(*arguments, "-o", alone, "--history", histories[0])
+        self.assertIn(plain.returncode, (0, 4), plain.stderr)
+        self.assertNotEqual(alone.read_bytes(), Path(mesh).read_bytes())
+        for count in ranks:
+            with self.subTest(mesh=mesh.name, ranks=count, flags=flags):
+                done = launch(count, *arguments, "-o", together, "--history", histories[1])
+                self.assertEqual(done.returncode, plain.returncode, done.stderr)
+                self.assertEqual(together.read_bytes(), alone.read_bytes())
+                self.assertEqual(self.without_seconds(done.stdout), self.without_seconds(plain.stdout))
+                rows = [[row.split(",") for row in path.read_text().splitlines()] for path in histories]
+                timed = [i for i, name in enumerate(rows[0][0]) if name.startswith("seconds")]
+                self.assertTrue(timed)
+                for mine, theirs in zip(rows[1], rows[0], strict=True):
+                    self.assertEqual([x for i, x in enumerate(mine) if i not in timed],
+                                     [x for i, x in enumerate(theirs) if i not in timed])
+                together.unlink()
+
+    def test_meshes_of_the_cases(self):
+        for name in ("circle_p5.msh", "annulus_p3.msh", "aerofoil_p4.msh", "pin_p3.msh", "solid_ball_p3.msh",
+                     "thick_layer_p3.msh"):
+            self.assert_same(self.binary(name), "--threads", "1", ranks=(1, 3))
+
+    def test_a_mesh_that_every_rank_has_cells_of(self):
+        self.assert_same(self.grid(13), "--threads", "1")
+        self.assert_same(self.grid(13), "--threads", "2", "--json", ranks=(2, 3))
+
+    def test_a_mesh_that_comes_in_invalid(self):
+        self.assert_same(self.binary("reentrant_3_of_5.msh"), "--threads", "1", ranks=(2,))
+
+    def test_a_file_that_cannot_be_written(self):
+        mesh = self.binary("circle_p5.msh")
+        out = self.folder / "nowhere" / "out.msh"
+        done = launch(2, "optimise", mesh, "--objective", "energy", "-o", out)
+        plain = run("optimise", mesh, "--objective", "energy", "-o", out)
+        self.assertEqual(done.returncode, plain.returncode)
+        self.assertIn(plain.stderr.strip(), done.stderr)
+
+
 class Refusals(WithMeshes):
     def assert_refused(self, status, words, *arguments):
         done = launch(2, *arguments)
@@ -143,10 +193,29 @@ class Refusals(WithMeshes):
 
     def test_what_ranks_do_not_do_yet(self):
         mesh = self.binary("nine_triangles.msh")
-        self.assert_refused(2, "shares only the work of 'quality'", "optimise", mesh, "-o", self.folder / "out.msh")
+        self.assert_refused(2, "shares only the work of 'quality' and of 'optimise'", "convert", mesh,
+                            self.folder / "out.msh")
         self.assert_refused(2, "does not take --report", "quality", mesh, "--report", self.folder / "report.html")
         self.assert_refused(2, "does not take --output", "quality", mesh, "-o", self.folder / "out.vtu")
         self.assert_refused(2, "flags that repair", "quality", mesh, "--merge-nodes", "1e-9")
+        self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
+
+    def test_what_optimise_does_not_share_yet(self):
+        mesh = self.binary("nine_triangles.msh")
+        optimise = ("optimise", mesh, "-o", self.folder / "out.msh")
+        self.assert_refused(2, "shares only the work of '--objective energy'", *optimise)
+        for flags, words in ((["--order", "3"], "does not take --order"), (["--repair", "split"], "does not take --repair"),
+                             (["--time-limit", "9"], "does not take --time-limit"),
+                             (["--device", "gpu"], "does not take --device gpu"),
+                             (["--slide-on", "boundary"], "does not take a geometry"),
+                             (["--merge-nodes", "1e-9"], "does not take flags that change the mesh"),
+                             (["--report", self.folder / "page.html"], "does not take --report")):
+            self.assert_refused(2, words, *optimise, "--objective", "energy", *flags)
+        self.assert_refused(2, "'varimesh optimise --into'", "optimise", mesh, "--into", self.folder / "out", "--objective",
+                            "energy")
+        self.assert_refused(2, "does not take standard output", "optimise", mesh, "-o", "-", "--objective", "energy")
+        self.assert_refused(3, "cannot be", "optimise", self.folder / "missing.msh", "-o", self.folder / "out.msh",
+                            "--objective", "energy")
         self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
 
     def test_files_that_ranks_do_not_read(self):

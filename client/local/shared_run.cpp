@@ -1,0 +1,57 @@
+#include "client/local/shared_run.h"
+
+#include <memory>
+#include <utility>
+
+#include "core/threads/crew.h"
+#include "server/engine/engine.h"
+#include "server/engine/option_messages.h"
+#include "server/engine/translate.h"
+
+namespace varimesh::client {
+namespace {
+
+class Bytes : public server::Blob {
+ public:
+  explicit Bytes(std::string bytes) : bytes_(std::move(bytes)) {}
+  std::string_view bytes() const override { return bytes_; }
+
+ private:
+  const std::string bytes_;
+};
+
+server::RunHooks hooks_of(const SharedRun& run, const Ranks& ranks, v1::History& history) {
+  server::RunHooks hooks;
+  hooks.on_iteration = [&](const Iteration& iteration) {
+    *history.add_iterations() = server::to_proto(iteration);
+    return Control::Continue;
+  };
+  hooks.on_note = run.on_note;
+  hooks.control.stop_asked = [] { return false; };
+  hooks.control.ranks = &ranks;
+  hooks.open_output = [&](v1::MeshFormat) -> Sink {
+    return ranks.is_first() ? run.open_output() : [](std::string_view) { return true; };
+  };
+  return hooks;
+}
+
+}  // namespace
+
+Expected<SharedOutcome> run_shared(SharedRun run, const Ranks& ranks) {
+  auto options = server::options_from(run.options);
+  if (!options) return bad_option(options.error().sentence);
+  if (options->threads == 0) options->threads = machine_threads();
+  server::RunRequest request;
+  request.input = std::make_shared<Bytes>(std::move(run.mesh));
+  request.options = *options;
+  request.outputs = run.outputs;
+  request.keep_orders = run.keep_orders;
+  SharedOutcome outcome;
+  auto ended = server::core_engine().run(std::move(request), hooks_of(run, ranks, outcome.history));
+  if (!ended) return tl::unexpected(ended.error());
+  outcome.metrics = std::move(ended->metrics);
+  server::add_options(*options, outcome.metrics);
+  return outcome;
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,36 @@
+// A run that several processes make together, with the library as the service uses it, but without the service.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/io/sink.h"
+#include "core/ranks/ranks.h"
+#include "varimesh/v1/job.pb.h"
+#include "varimesh/v1/optimise.pb.h"
+
+namespace varimesh::client {
+
+struct SharedRun {
+  std::string mesh;  ///< The bytes of the file, the same on all ranks.
+  v1::Options options;
+  std::vector<v1::MeshFormat> outputs;  ///< Each once; UNSPECIFIED: the format of the input.
+  bool keep_orders = false;             ///< Elements that came at a lower order are written so again.
+  /// Returns where the result in the next format goes. The others than the first rank write nothing.
+  std::function<Sink()> open_output;
+  std::function<void(const std::string&)> on_note;  ///< Gets sentences about the run; may be empty.
+};
+
+/// How it ended.
+struct SharedOutcome {
+  v1::Metrics metrics;
+  v1::History history;
+};
+
+/// All ranks call it, with the same run, and outside of anything that may fail. Errors: BadInput, BadOption, Output, on
+/// the ranks that have them: the run itself fails on all, but only the first one writes.
+Expected<SharedOutcome> run_shared(SharedRun run, const Ranks& ranks);
+
+}  // namespace varimesh::client

@@ -1,0 +1,165 @@
+#include "client/mpi/optimise_of_ranks.h"
+
+#include <deque>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/io/documents.h"
+#include "client/io/history.h"
+#include "client/io/outputs.h"
+#include "client/io/summary.h"
+#include "client/library/input_file.h"
+#include "client/local/shared_run.h"
+#include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
+#include "core/base/io/output_file.h"
+
+namespace varimesh::client {
+namespace {
+
+Expected<void> refuse(const std::string& what, const std::string& why) {
+  return bad_option("varimesh-mpi does not take " + what + ", because " + why +
+                    "; 'varimesh optimise' does this in one process.");
+}
+
+/// What is not shared yet, or only one process can do.
+Expected<void> check_flags(const OptimiseArguments& arguments) {
+  const v1::Options& options = arguments.options;
+  if (arguments.input.mesh == "-") return refuse("standard input", "only one process has it");
+  if (options.objective() != v1::OBJECTIVE_ENERGY)
+    return bad_option(
+        "varimesh-mpi shares only the work of '--objective energy' so far; 'varimesh optimise' has all objectives in "
+        "one process.");
+  if (!arguments.common.server.empty()) return refuse("--server", "the work is done by its own processes");
+  if (arguments.input.slides()) return refuse("a geometry", "sliding is not shared");
+  if (arguments.input.changes_mesh()) return refuse("flags that change the mesh", "this is not shared");
+  if (arguments.layers.layers.walls_size() > 0) return refuse("layers", "they are not shared");
+  if (options.order() > 0) return refuse("--order", "a change of order is not shared");
+  if (options.repair() != v1::REPAIR_UNSPECIFIED && options.repair() != v1::REPAIR_NONE)
+    return refuse("--repair", "repairs are not shared");
+  if (options.time_limit() > 0) return refuse("--time-limit", "processes would not end together");
+  if (options.device() == v1::DEVICE_GPU) return refuse("--device gpu", "processes share no device");
+  if (!arguments.report.empty()) return refuse("--report", "it is not written yet");
+  return {};
+}
+
+/// The bytes of the file, which the first rank reads. Errors are the same on all ranks.
+Expected<std::string> read_everywhere(const std::string& path, const Ranks& ranks) {
+  std::vector<char> bytes;
+  const auto read = ranks.together([&]() -> Expected<void> {
+    if (!ranks.is_first()) return {};
+    const auto file = InputFile::open(path);
+    if (!file) return bad_input(file.error().sentence);
+    const auto all = file->read_all();
+    if (!all) return bad_input(all.error().sentence);
+    bytes.assign(all->begin(), all->end());
+    return {};
+  });
+  if (!read) return tl::unexpected(read.error());
+  bytes = ranks.gather_everywhere(bytes);
+  return std::string(bytes.begin(), bytes.end());
+}
+
+/// The outputs of the first rank.
+class Files {
+ public:
+  /// `formats`: those of the outputs, each once.
+  Files(const std::vector<Output>& outputs, const std::vector<v1::MeshFormat>& formats)
+      : outputs_(outputs), formats_(formats) {}
+
+  /// Opens the files of the next of these formats.
+  Sink open_next() {
+    const v1::MeshFormat format = formats_[next_++];
+    std::vector<OutputFile*> files;
+    for (const Output& output : outputs_) {
+      if (output.format != format) continue;
+      auto file = OutputFile::open(output.path);
+      if (!file) {
+        if (!fault_) fault_ = file.error();
+        return [](std::string_view) { return false; };
+      }
+      files.push_back(&files_.emplace_back(std::move(*file)));
+    }
+    return [files](std::string_view bytes) {
+      for (OutputFile* file : files)
+        if (!file->write(bytes)) return false;
+      return true;
+    };
+  }
+  /// Why a file could not be opened or written, if one could not. Errors: Output.
+  Expected<void> check() {
+    if (fault_) return tl::unexpected(*fault_);
+    for (OutputFile& file : files_)
+      if (file.failed()) return file.commit();
+    return {};
+  }
+  /// Gives all files their names. Errors: Output.
+  Expected<void> commit() {
+    for (OutputFile& file : files_)
+      if (const auto done = file.commit(); !done) return done;
+    return {};
+  }
+
+ private:
+  const std::vector<Output>& outputs_;
+  const std::vector<v1::MeshFormat>& formats_;
+  std::size_t next_ = 0;
+  std::deque<OutputFile> files_;
+  std::optional<Error> fault_;
+};
+
+/// Prints what `varimesh optimise` prints, and returns the exit status.
+int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcome) {
+  if (!arguments.history.empty()) {
+    const std::vector<v1::Iteration> iterations(outcome.history.iterations().begin(),
+                                                outcome.history.iterations().end());
+    if (const auto written = write_history(arguments.history, iterations); !written)
+      return print_error(written.error());
+  }
+  if (arguments.common.json)
+    print(document(outcome.metrics));
+  else if (!arguments.common.quiet)
+    std::cout << summary(outcome.metrics, arguments.options);
+  const v1::Certified& certified = outcome.metrics.after().certified();
+  return print_uncertified(certified.invalid(), certified.undecided());
+}
+
+}  // namespace
+
+int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks) {
+  end_at_first_interrupt();
+  if (const auto checked = check_flags(arguments); !checked) return print_error(checked.error());
+  std::vector<Output> outputs;
+  const auto writable = ranks.together([&]() -> Expected<void> {
+    if (!ranks.is_first()) return {};
+    auto checked = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
+    if (!checked) return tl::unexpected(checked.error());
+    outputs = std::move(*checked);
+    if (any_is_standard_output(outputs)) return refuse("standard output", "launchers mix what processes write to it");
+    return check_distinct(outputs, {arguments.history}, arguments.common.json);
+  });
+  if (!writable) return print_error(writable.error());
+  auto bytes = read_everywhere(arguments.input.mesh, ranks);
+  if (!bytes) return print_error(bytes.error());
+  // All ranks know the formats, so that a mesh that one cannot hold is refused by all.
+  const std::vector<v1::MeshFormat> formats = ranks.gather_everywhere(formats_of(outputs));
+  Files files(outputs, formats);
+  SharedRun run;
+  run.mesh = std::move(*bytes);
+  run.options = arguments.options;
+  run.outputs = formats;
+  run.keep_orders = arguments.input.keep_orders;
+  run.open_output = [&] { return files.open_next(); };
+  if (!arguments.common.quiet) run.on_note = [](const std::string& note) { std::cerr << note << std::endl; };
+  const auto outcome = run_shared(std::move(run), ranks);
+  if (const auto written = files.check(); !written) return print_error(written.error());
+  if (!outcome) return print_error(outcome.error());
+  if (!ranks.is_first()) return kDone;
+  if (const auto written = files.commit(); !written) return print_error(written.error());
+  return print_result(arguments, *outcome);
+}
+
+}  // namespace varimesh::client
