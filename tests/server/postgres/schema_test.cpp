@@ -67,13 +67,15 @@ TEST(PostgresSchema, IsUpdatedWhileServersWithoutDevicesRun) {
   ASSERT_TRUE(store->submit({"", {}, "jobs/old", 10, {}, 0}));
   store.reset();
   place.run(
-      "ALTER TABLE jobs DROP COLUMN needs_device; DROP TABLE lent_devices; DELETE FROM varimesh_schema WHERE version > 7");
+      "ALTER TABLE jobs DROP COLUMN needs_device; DROP TABLE lent_devices; "
+      "DELETE FROM varimesh_schema WHERE version > 7");
   ASSERT_TRUE(migrate_postgres(place.url()));
   // As a server of version 7 does it.
   place.run(
       "INSERT INTO jobs(name, owner, peer, trace, turn, state, token, lost, furthest, worker, lease_end, history, "
-      "checkpoint_iteration, job) SELECT 'jobs/as-before', owner, peer, trace, turn, state, token, lost, furthest, worker, "
-      "lease_end, history, checkpoint_iteration, job FROM jobs; INSERT INTO specs SELECT max(key), '' FROM jobs");
+      "checkpoint_iteration, job) SELECT 'jobs/as-before', owner, peer, trace, turn, state, token, lost, furthest, "
+      "worker, lease_end, history, checkpoint_iteration, job FROM jobs; INSERT INTO specs SELECT max(key), '' FROM "
+      "jobs");
   store = InDatabase::open({}, place.url());
   int claimed = 0;
   while (*store->claim("worker", {.needs_no_device = true})) ++claimed;
