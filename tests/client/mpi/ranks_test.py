@@ -254,10 +254,10 @@ class Failures(WithMeshes):
         self.assertIn(f"byte {at + 8}", done.stderr)
         self.assertIn(run("quality", mesh).stderr.strip(), done.stderr)
 
-    def test_a_killed_rank_ends_all(self):
-        mesh = self.grid(40)
-        process = subprocess.Popen(command(3, "quality", mesh, "--lattice", "60", "--threads", "1"), env=PERMITTED,
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    def kill_one_of(self, *arguments):
+        """Kills the second of three ranks after two seconds. All end soon, and standard output is returned."""
+        process = subprocess.Popen(command(3, *arguments), env=PERMITTED, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   text=True)
         ranks = []
         deadline = time.monotonic() + 30
         while len(ranks) < 3:
@@ -276,6 +276,14 @@ class Failures(WithMeshes):
         while not all(map(has_ended, ranks)):
             self.assertLess(time.monotonic() - began, SECONDS_TO_END)
             time.sleep(0.05)
+
+    def test_a_killed_rank_ends_all(self):
+        self.kill_one_of("quality", self.grid(40), "--lattice", "60", "--threads", "1")
+
+    def test_a_killed_rank_ends_a_run_and_leaves_no_result(self):
+        mesh = self.grid(30)
+        self.kill_one_of("optimise", mesh, "--objective", "energy", "-o", self.folder / "out.msh", "--threads", "1")
+        self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
 
 
 class Memory(WithMeshes):
@@ -296,6 +304,16 @@ class Memory(WithMeshes):
         parts = self.limited(["mpirun", "-n", "8"], VARIMESH_MPI, arguments)
         self.assertEqual(parts.returncode, 0, parts.stderr)
         self.assertEqual(parts.stdout, self.finished([VARIMESH, *arguments]).stdout)
+
+    def test_a_run_for_which_a_rank_has_no_room(self):
+        mesh = self.grid(40)
+        began = time.monotonic()
+        ranks = self.limited(["mpirun", "-n", "2"], VARIMESH_MPI,
+                             ["optimise", mesh, "--objective", "energy", "-o", self.folder / "out.msh", "--threads", "1"])
+        self.assertLess(time.monotonic() - began, 60)
+        self.assertNotEqual(ranks.returncode, 0)
+        self.assertIn("not enough memory", ranks.stderr)
+        self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
 
 
 if __name__ == "__main__":
