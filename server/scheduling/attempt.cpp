@@ -230,103 +230,140 @@ bool take_device(const Attempt& attempt, const Options& options, Progress& progr
       [&](const std::string& sentence) { progress.note(sentence); });
 }
 
-Ending run(const Attempt& attempt, Progress& progress, Room& room) {
-  Stages stages(attempt);
-  const v1::JobSpec& spec = attempt.claim.spec;
-  auto input = open_input(attempt, room, spec.mesh().digest());
-  if (!input) return failed(input.error());
-  auto cad_file = open_input(attempt, room, spec.geometry().digest());
-  if (!cad_file) return failed(cad_file.error());
-  const auto options = options_from(spec.options());
-  if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
-  const std::shared_ptr<const Blob> checkpoint = saved_state(attempt);
-  DeviceForRun device(attempt.devices);
-  if (!take_device(attempt, *options, progress, device)) return unfinished(attempt);
-  stages.enter("read");
+/// The run of an attempt by the engine.
+class EngineRun {
+ public:
+  EngineRun(const Attempt& attempt, Progress& progress, Room& room)
+      : attempt_(attempt), progress_(progress), room_(room), stages_(attempt) {}
 
-  Checkpoints checkpoints(attempt);
-  Outputs outputs(attempt.meshes, room);
-  const auto given_up = [&] { return attempt.stopping() && !attempt.cancelled(); };
-  const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
-  RunMemory memory(attempt.memory, attempt.claim.owner, attempt.threads, stop_asked);
-  RunHooks hooks;
-  hooks.on_work = [&](const v1::Work& work) { attempt.log.set_work(work); };
-  WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
-  hooks.control.meter = &meter;
-  KernelReport kernels(attempt, meter);
-  StopAtOnce stop_at_once(attempt);
-  const bool can_be_saved = attempt.note_checkpoint != nullptr;
-  hooks.on_iteration = [&](const Iteration& iteration) {
-    progress(iteration);
-    kernels.tell();
-    stages.note(iteration.phase);
-    const bool is_safe = !can_be_saved || checkpoints.has_saved(iteration.number);
-    return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop
-                                                                                      : Control::Continue;
-  };
-  hooks.mesh_watched = [&] { return attempt.log.is_mesh_watched(); };
-  hooks.show_mesh = [&](std::string bytes) {
-    attempt.log.show_mesh(std::make_shared<const std::string>(std::move(bytes)));
-  };
-  hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
-  hooks.on_slide_trial = [&](const v1::SlideTrial& trial) { progress.note(trial); };
-  hooks.control.stop_asked = [&] { return stop_at_once() || (!can_be_saved && attempt.stopping()); };
-  hooks.control.threads = attempt.threads.now;
-  hooks.control.checkpoint_due = [&](const Iteration& iteration) { return checkpoints.due(iteration.number); };
-  hooks.control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {
-    checkpoints.save(iteration.number, write);
-  };
-  if (checkpoint != nullptr) hooks.control.checkpoint = checkpoint->bytes();
-  hooks.admit_reading = [&](std::int64_t least, std::int64_t most) { return memory.take_for_reading(least, most); };
-  hooks.admit = [&](std::int64_t bytes) {
-    auto admitted = memory.take(bytes);
-    stages.begin_phases();
-    return admitted;
-  };
-  hooks.control.spare_memory = memory.spare();
-  hooks.given_up = given_up;
-  hooks.device_unused = [&] { device.give_back(); };
-  hooks.open_output = [&](v1::MeshFormat format) {
-    stages.enter("store");
-    return outputs.open(format);
-  };
+  Ending run() {
+    const v1::JobSpec& spec = attempt_.claim.spec;
+    auto input = open_input(attempt_, room_, spec.mesh().digest());
+    if (!input) return failed(input.error());
+    auto cad_file = open_input(attempt_, room_, spec.geometry().digest());
+    if (!cad_file) return failed(cad_file.error());
+    const auto options = options_from(spec.options());
+    if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
+    const std::shared_ptr<const Blob> checkpoint = saved_state(attempt_);
+    if (!take_device(attempt_, *options, progress_, device_)) return unfinished(attempt_);
+    stages_.enter("read");
+    checkpoints_.emplace(attempt_);
 
-  RunRequest request = request_of(attempt, std::move(*input), *options);
-  request.cad_file = std::move(*cad_file);
-  device.tell(request);
-  auto outcome = attempt.engine.run(std::move(request), hooks);
-  device.give_back();
-  if (outputs.failure()) return not_stored(room, *outputs.failure());
-  if (!outcome) return failed(outcome.error());
-  Ending ending;
-  if (!outcome->lost.empty()) {
+    RunHooks hooks;
+    add_progress(hooks);
+    add_stops(hooks);
+    add_resources(hooks);
+    if (checkpoint != nullptr) hooks.control.checkpoint = checkpoint->bytes();
+    RunRequest request = request_of(attempt_, std::move(*input), *options);
+    request.cad_file = std::move(*cad_file);
+    device_.tell(request);
+    auto outcome = attempt_.engine.run(std::move(request), hooks);
+    device_.give_back();
+    if (outputs_.failure()) return not_stored(room_, *outputs_.failure());
+    if (!outcome) return failed(outcome.error());
+    if (auto ending = without_results(*outcome)) return std::move(*ending);
+    return with_results(*outcome, *options);
+  }
+
+ private:
+  /// The server stops, and the next one continues the job.
+  bool given_up() const { return attempt_.stopping() && !attempt_.cancelled(); }
+
+  void add_progress(RunHooks& hooks) {
+    hooks.on_work = [this](const v1::Work& work) { attempt_.log.set_work(work); };
+    hooks.control.meter = &meter_;
+    hooks.mesh_watched = [this] { return attempt_.log.is_mesh_watched(); };
+    hooks.show_mesh = [this](std::string bytes) {
+      attempt_.log.show_mesh(std::make_shared<const std::string>(std::move(bytes)));
+    };
+    hooks.on_note = [this](const std::string& sentence) { progress_.note(sentence); };
+    hooks.on_slide_trial = [this](const v1::SlideTrial& trial) { progress_.note(trial); };
+  }
+
+  void add_stops(RunHooks& hooks) {
+    const bool can_be_saved = attempt_.note_checkpoint != nullptr;
+    hooks.on_iteration = [this, can_be_saved](const Iteration& iteration) {
+      progress_(iteration);
+      kernels_.tell();
+      stages_.note(iteration.phase);
+      const bool is_safe = !can_be_saved || checkpoints_->has_saved(iteration.number);
+      return attempt_.cancelled() || (attempt_.stopping() && (is_safe || stop_at_once_())) ? Control::Stop
+                                                                                           : Control::Continue;
+    };
+    hooks.control.stop_asked = [this, can_be_saved] {
+      return stop_at_once_() || (!can_be_saved && attempt_.stopping());
+    };
+    hooks.control.checkpoint_due = [this](const Iteration& iteration) { return checkpoints_->due(iteration.number); };
+    hooks.control.save_checkpoint = [this](const Iteration& iteration, const WriteCheckpoint& write) {
+      checkpoints_->save(iteration.number, write);
+    };
+    hooks.given_up = [this] { return given_up(); };
+  }
+
+  void add_resources(RunHooks& hooks) {
+    hooks.control.threads = attempt_.threads.now;
+    hooks.admit_reading = [this](std::int64_t least, std::int64_t most) {
+      return memory_.take_for_reading(least, most);
+    };
+    hooks.admit = [this](std::int64_t bytes) {
+      auto admitted = memory_.take(bytes);
+      stages_.begin_phases();
+      return admitted;
+    };
+    hooks.control.spare_memory = memory_.spare();
+    hooks.device_unused = [this] { device_.give_back(); };
+    hooks.open_output = [this](v1::MeshFormat format) {
+      stages_.enter("store");
+      return outputs_.open(format);
+    };
+  }
+
+  /// The ending of a run whose results are not kept.
+  std::optional<Ending> without_results(const RunOutcome& outcome) const {
+    Ending ending;
     ending.state = v1::JOB_STATE_PENDING;
-    ending.lost = outcome->lost;
+    if (!outcome.lost.empty()) {
+      ending.lost = outcome.lost;
+      return ending;
+    }
+    if (outcome.stopped && given_up()) return ending;
+    if (!outcome.unwritten) return std::nullopt;
+    if (attempt_.cancelled())
+      ending.state = v1::JOB_STATE_CANCELLED;
+    else
+      ending.lost = "ended before its results were written";
     return ending;
   }
-  if (outcome->stopped && given_up()) {
-    ending.state = v1::JOB_STATE_PENDING;
-    return ending;
-  }
-  if (outcome->unwritten) {
-    ending.state = attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_PENDING;
-    if (!attempt.cancelled()) ending.lost = "ended before its results were written";
-    return ending;
-  }
-  outputs.close();
-  if (outputs.failure()) return not_stored(room, *outputs.failure());
-  const auto history = store_history(attempt.meshes, room, outcome->history);
-  if (!history) return not_stored(room, history.error());
 
-  // The result of a cancelled job is the best mesh so far.
-  ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
-  ending.metrics = std::move(outcome->metrics);
-  device.tell(*ending.metrics);
-  add_options(*options, *ending.metrics);
-  ending.history_digest = *history;
-  ending.results = outputs.take();
-  return ending;
-}
+  Ending with_results(RunOutcome& outcome, const Options& options) {
+    outputs_.close();
+    if (outputs_.failure()) return not_stored(room_, *outputs_.failure());
+    const auto history = store_history(attempt_.meshes, room_, outcome.history);
+    if (!history) return not_stored(room_, history.error());
+    Ending ending;
+    // The result of a cancelled job is the best mesh so far.
+    ending.state = outcome.stopped || attempt_.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
+    ending.metrics = std::move(outcome.metrics);
+    device_.tell(*ending.metrics);
+    add_options(options, *ending.metrics);
+    ending.history_digest = *history;
+    ending.results = outputs_.take();
+    return ending;
+  }
+
+  const Attempt& attempt_;
+  Progress& progress_;
+  Room& room_;
+  Stages stages_;
+  DeviceForRun device_{attempt_.devices};
+  std::optional<Checkpoints> checkpoints_;  ///< From the time on when nothing is waited for any more.
+  Outputs outputs_{attempt_.meshes, room_};
+  RunMemory memory_{attempt_.memory, attempt_.claim.owner, attempt_.threads,
+                    [this] { return attempt_.cancelled() || attempt_.stopping(); }};
+  WorkMeter meter_{[this](const Work& work) { attempt_.log.set_work(to_proto(work)); }};
+  KernelReport kernels_{attempt_, meter_};
+  StopAtOnce stop_at_once_{attempt_};
+};
 
 }  // namespace
 
@@ -339,7 +376,7 @@ Ending run_attempt(const Attempt& attempt) {
           progress.note("The server's disk is full; the job waits for room.");
           attempt.waits_for_room();
         });
-    const Ending ending = run(attempt, progress, room);
+    const Ending ending = EngineRun(attempt, progress, room).run();
     attempt.log.show_mesh(nullptr);
     if (!room.gave_up()) return ending;
     // There is no room for what the run has made, and a cancel does not wait for it.

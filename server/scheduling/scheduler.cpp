@@ -197,6 +197,18 @@ void Scheduler::forget(const Changed& removed) {
 
 // ===== running =====
 
+void Scheduler::finish_or_give_back(Running& running, const Ending& ending) {
+  while (!finish(running, ending)) {
+    // The disk is full, so the result waits for room. If the server stops, the next server runs the job again.
+    {
+      std::unique_lock lock(mutex_);
+      if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
+    }
+    if (give_back(running)) release(running, ending);
+    break;
+  }
+}
+
 void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& threads) {
   const Claim& claim = running->claim;
   const LogScope scope({.job = claim.name,
@@ -245,15 +257,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
   std::vector<std::string> results;
   for (const v1::StoredMesh& result : ending.results) results.push_back(result.digest());
   owned_.add(claim.owner, results);
-  while (!finish(*running, ending)) {
-    // The disk is full, so the result waits for room. If the server stops, the next server runs the job again.
-    {
-      std::unique_lock lock(mutex_);
-      if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
-    }
-    if (give_back(*running)) release(*running, ending);
-    break;
-  }
+  finish_or_give_back(*running, ending);
   start_jobs();
   // This must be the last statement: when the count is 0, no thread uses this object any more.
   std::lock_guard lock(mutex_);

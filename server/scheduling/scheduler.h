@@ -154,6 +154,8 @@ class Scheduler {
   void erase(const Running& running);
   /// Records the end of an attempt. Returns false if the store cannot do so now.
   bool finish(const Running& running, const Ending& ending);
+  /// Finishes the job when there is room for it. If the server stops before, gives it back.
+  void finish_or_give_back(Running& running, const Ending& ending);
   void release(const Running& running, const Ending& ending);
   /// Deletes the jobs that ended too long ago.
   void forget_old();
