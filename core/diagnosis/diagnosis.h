@@ -52,8 +52,8 @@ std::vector<char> cells_beyond_repair(std::span<const UnrepairableGroup> groups,
 std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups,
                                            const std::vector<std::int64_t>& numbers);
 
-/// How many elements stay invalid at least if each group keeps one: as many as there are groups without a common
-/// element, chosen with the smallest groups first. An element may be in several groups, and then one is enough.
+/// A lower bound on the elements that stay invalid if each group keeps one. An element may be in several groups, so the
+/// groups that count share none: they are taken, smallest first, if they have no element of one taken before.
 std::size_t least_invalid(const std::vector<UnrepairableGroup>& groups);
 
 /// Finds what cannot be repaired if all nodes of fixed_nodes(mesh) are fixed (core/mesh/connectivity.h). `threads` 0

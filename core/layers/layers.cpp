@@ -37,8 +37,9 @@ constexpr Distance kSlides{.across = 0.05, .along = 0.25};
 constexpr Distance kPlaced{.across = 1e-3, .along = 1e-3};
 /// Cells that are higher than this, relative to their width, do not get nodes on parallel surfaces: if the spacing is
 /// kept, and if it changes. Round an ellipse of quintic triangles with heights graded 1:1000, 1.5 leaves 2.7 times the
-/// error of parallel surfaces for exp(−n/.3), 2 leaves 1.3 times, and 2.5 or more 1.0 times; waves have .22, .41 and
-/// .42 of it. With cubic triangles and 1:100,000, 2.5 leaves 1.3 times, and 4 or more 1.0 times.
+/// error of parallel surfaces for exp(−n/.3), 2 leaves 1.3 times, and 2.5 or more 1.0 times; a wave's
+/// error is .22, .41 and .42 of that on parallel surfaces. With cubic triangles and 1:100,000, 2.5 leaves 1.3 times,
+/// and 4 or more 1.0 times.
 constexpr double kHighestKept = 4, kHighestSpaced = 2;
 
 /// How far two nodes are from each other. `normal`: of the wall.

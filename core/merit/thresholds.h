@@ -44,7 +44,7 @@ inline constexpr double kRisesInLayers = 1.02;
 /// rose to 1.01, and the error of a solver to 1.13 for one solution. This is equal but for rounding.
 inline constexpr double kStaysInLayers = 1 + 1e-6;
 /// If nodes of such layers have moved so that the error in layers falls by more than kRisesInLayers says, it is to fall
-/// below this factor. It is not known better: for quadratic hexahedra round a ball it fell to .95, and the error of a
+/// below this factor. Smaller falls deceive: for quadratic hexahedra round a ball it fell to .95, and the error of a
 /// solver rose to 1.03 to 1.06.
 inline constexpr double kFallsInLayers = 0.9;
 /// The height of a cell over its width in layers that are made for what decays from the wall.

@@ -82,6 +82,12 @@ Answer<std::vector<Changed>> JobStore::tell_of_missing_devices() {
   Result told;
   const auto tell = [&](JobWork& work) {
     told.clear();
+    // While the database was away nobody could tell it what it lends (take_back() waits for the same reason).
+    if (!settings_.clock) {
+      const TimePoint now = work.transitions.settings().clock();
+      if (nanoseconds(now) - work.sql.number(work.sql.dialect().started) <= nanoseconds(TimePoint(settings_.lease)))
+        return true;
+    }
     std::vector<JobRow> rows;
     work.sql.ask(select_jobs(work.sql, std::string("WHERE state = 1 AND needs_device = 1 ORDER BY jobs.key LIMIT $1") +
                                            work.sql.dialect().lock_or_skip),

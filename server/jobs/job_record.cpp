@@ -227,8 +227,7 @@ Changed JobTransitions::tell_of_missing_devices(JobRecord& record) const {
   v1::JobEvent event;
   event.mutable_log()->set_text(
       "The job waits for a device, and no server that runs now has one for jobs. It begins when such a server is "
-      "there; "
-      "to have it run on a processor, cancel it and submit it with another choice of device.");
+      "there; to have it run on a processor, cancel it and submit it with another choice of device.");
   event = number(record, std::move(event));
   return {record.job, {std::move(event)}, {}};
 }

@@ -109,7 +109,7 @@ CREATE INDEX jobs_calling ON jobs(call_due) WHERE call_due IS NOT NULL;
 PRAGMA user_version = 7;
 )";
 constexpr char kToVersion8[] = R"(
-ALTER TABLE jobs ADD COLUMN needs_device INTEGER NOT NULL DEFAULT 0;  -- 1: only a server that lends devices takes it
+ALTER TABLE jobs ADD COLUMN needs_device INTEGER NOT NULL DEFAULT 0;  -- read only by shared stores
 CREATE INDEX jobs_waiting_anywhere ON jobs(peer, turn, key) WHERE state = 1 AND needs_device = 0;
 PRAGMA user_version = 8;
 )";

@@ -20,7 +20,8 @@ bool Scheduler::takes_job_for_device() const {
   // Nobody else takes the jobs of a store that is not shared. One that needs a device then waits here, or has none.
   if (!jobs_->shared()) return true;
   const auto needing = std::ranges::count_if(running_, [](const auto& entry) { return entry.second->needs_device; });
-  return needing + claiming_for_device_ < devices_.most_jobs();
+  const std::int64_t taken = std::max<std::int64_t>(needing, devices_.jobs());  // jobs with auto have places too
+  return taken + claiming_for_device_ < devices_.most_jobs();
 }
 
 std::shared_ptr<Scheduler::Running> Scheduler::claim() {
@@ -160,6 +161,7 @@ void Scheduler::hear(const News& news) {
         running.push_back(one);
   }
   for (const auto& one : running) renew_lease(*one);
+  if (news.kind == News::Kind::Reconnected) note_devices(true);
   if (news.kind != News::Kind::Cancel) start_jobs();
 }
 

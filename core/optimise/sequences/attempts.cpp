@@ -97,9 +97,11 @@ bool was_made_valid_late(const SetUp& set_up, const Result& result) {
 /// How good the mesh is, as the end of a sentence.
 std::string outcome_text(const Result& result) {
   const Merit merit = merit_of(result.after);
-  if (const std::int64_t count = left(result); count > 0)
-    return std::to_string(count) + (count == 1 ? " element is" : " elements are") + " not certified valid";
   char text[128];
+  if (const std::int64_t count = left(result); count > 0) {
+    std::snprintf(text, sizeof text, ", the smallest scaled Jacobian is %.3g", merit.smallest);
+    return std::to_string(count) + (count == 1 ? " element is" : " elements are") + " not certified valid" + text;
+  }
   std::snprintf(text, sizeof text, "every element is valid, the smallest scaled Jacobian is %.3g", merit.smallest);
   if (merit.loss == 0 || !std::isfinite(merit.loss)) return text;  // straight-sided elements have no loss
   char loss[32];
@@ -161,19 +163,26 @@ class Attempts {
  private:
   std::optional<Result> try_way(const Way& way) {
     Options options = options_of(way);
-    if (way.objective == Objective::Auto) return run_unbounded(options);
     options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
+    if (way.objective == Objective::Auto) return run_with(options, std::numeric_limits<double>::infinity());
+    if (is_plain_energy(options)) return run_with(options, most_work_);
     return run(options, set_up_.mesh.coordinates);
   }
 
-  /// Runs with as much work as these options need, beside the work of the other attempts.
-  std::optional<Result> run_unbounded(const Options& options) {
+  /// The optimum of the energy is tried first, and repeats the beginning of the run. So it may untangle as deeply as a
+  /// run does, and do the work that is meant for all attempts.
+  static bool is_plain_energy(const Options& options) {
+    return options.objective == Objective::Energy && options.energy == Energy::Hyperelastic &&
+           options.target == Target::StraightSided && options.constants == Constants::Standard;
+  }
+
+  /// Runs with at most this much work. If it is without bound, it does not count for the other attempts.
+  std::optional<Result> run_with(const Options& options, double most_work) {
     const double work = work_;
-    const double most_work = std::exchange(most_work_, std::numeric_limits<double>::infinity());
-    const double of_each = std::exchange(work_of_each_, std::numeric_limits<double>::infinity());
+    const double all = std::exchange(most_work_, most_work), of_each = std::exchange(work_of_each_, most_work);
     std::optional<Result> result = run(options, set_up_.mesh.coordinates);
-    work_ = work;
-    most_work_ = most_work;
+    if (std::isinf(most_work)) work_ = work;
+    most_work_ = all;
     work_of_each_ = of_each;
     return result;
   }
@@ -259,13 +268,11 @@ class Attempts {
     RunControl control = control_;
     control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
-    const bool is_short = work_of_each_ <= kLeastWork;
-    const bool is_plain = options.energy == Energy::Hyperelastic && options.target == Target::StraightSided;
-    control.shallow_untangling =
-        control.shallow_untangling || (options.objective == Objective::Energy && !is_short && !is_plain);
+    const bool is_shallow = options.objective == Objective::Energy && !is_plain_energy(options);
+    control.shallow_untangling = control.shallow_untangling || (is_shallow && work_of_each_ > kLeastWork);
     Result result = Run(**prepared, pass_on, control, stop_).go();
-    // Objective::Worst ends no lower than the default, attempts included, if all cells are valid. And what is said of
-    // the next order is what the default reaches there.
+    // Objective::Worst ends no lower than the default, attempts included. And what is said of the next order is what
+    // the default reaches there.
     if (options.objective != set_up_.options.objective || order != 0)
       try_ways(**prepared, pass_on, control_, stop_, result, false);
     // A set-up for another objective looks for no layers.

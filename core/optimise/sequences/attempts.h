@@ -24,14 +24,13 @@ struct OtherWays {
 /// - has left cells in no unrepairable group, or more cells than such groups keep at least (least_invalid()): the first
 ///   way that leaves no such cell is taken, or else the one that leaves the fewest;
 /// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
-/// - or has Objective::Worst: the default objective is tried too, whatever its work, and taken if it leaves fewer
-/// cells,
-///   or as many and a higher minimum;
+/// - or has Objective::Worst: the default objective is tried too, whatever its work. It is taken if it leaves fewer
+///   cells, or as many and a higher minimum;
 /// - or has Objective::Accuracy, and small patches have made the mesh valid after the descent: the run goes on from
 ///   this mesh, and nothing else is tried.
 /// From the mesh that is taken, the run goes on with the options that were given. If none is better, the result stays.
-/// All attempts together do at most a multiple of the work of the run. Iterations are numbered through. With
-/// RunControl::another_follows nothing is tried for cells that are left.
+/// All attempts but that of the default together do at most a multiple of the work of the run. Iterations are numbered
+/// through. With RunControl::another_follows nothing is tried for cells that are left.
 ///
 /// Attempts make no checkpoints: a run that goes on from one makes them again. They free the tables of the set-up, and
 /// SetUp::is_spent says so. If cells are left that may become valid, and work, time and memory are left too, the last

@@ -22,6 +22,7 @@ INTERRUPTED = 130
 # seconds on a processor, since other programs may keep processors and disks busy. The long form also counts the seconds
 # that a user waits.
 LEAST_SECONDS, SECONDS_PER_ELEMENT = 0.5, 1e-6
+MOST_SECONDS_WAITED = 10  # whatever else runs
 
 
 def processor_seconds(process):
@@ -67,6 +68,7 @@ class InProcess(WithFolder):
         _, stderr = process.communicate(timeout=40)
         waited = time.monotonic() - began
         processor += processor_seconds_of_all()
+        self.assertLess(waited, MOST_SECONDS_WAITED)
         return process.returncode, stderr, max(processor, waited) if LONG else processor
 
     def check_outputs(self, outs, before):

@@ -69,7 +69,7 @@ class Away(support.WithFolder):
             client.info()
         self.assertIn("start varimeshd", str(caught.exception))
 
-    def test_where_nobody_listens_that_is_said_within_a_second(self):
+    def test_where_nobody_listens_that_is_said_at_once(self):
         with socket.create_server(("127.0.0.1", 0)) as taken:  # and closed, so that nobody listens there
             port = taken.getsockname()[1]
         for address in (f"127.0.0.1:{port}", f"unix:{self.folder}/none"):

@@ -81,6 +81,9 @@ TEST(LeastInvalid, CountsGroupsWithoutACommonElement) {
   EXPECT_EQ(least_invalid({group_of({3}), group_of({3}), group_of({5})}), 2U);
   EXPECT_EQ(least_invalid({group_of({1, 2, 3}), group_of({3}), group_of({4, 5}), group_of({5})}), 2U);
   EXPECT_EQ(least_invalid({group_of({1, 2}), group_of({3, 4}), group_of({2, 3})}), 2U);
+  // It is a bound: two have to stay here, and a better choice of groups would show it in the second case.
+  EXPECT_EQ(least_invalid({group_of({1, 2}), group_of({2, 3}), group_of({1, 3})}), 1U);
+  EXPECT_EQ(least_invalid({group_of({2, 3}), group_of({1, 2}), group_of({3, 4})}), 1U);
 }
 
 TEST(Diagnosis, ABoxIsFine) {

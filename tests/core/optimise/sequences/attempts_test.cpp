@@ -94,6 +94,9 @@ TEST(OtherWays, LetWorstEndNoLowerThanTheDefaultWhereElementsAreLeft) {
   ASSERT_EQ(raised.after.uncertified.size(), 1U);
   EXPECT_GE(raised.after.min_scaled_jacobian, lowest.after.min_scaled_jacobian);
   EXPECT_GT(raised.after.min_scaled_jacobian, -0.085);
+  EXPECT_NE(notes(raised).find("With the default objective, 1 element is not certified valid, the smallest"),
+            std::string::npos)
+      << notes(raised);
 }
 
 /// The mesh and the set-up are those of the first run again, although attempts free their tables.
