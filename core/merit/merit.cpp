@@ -1,6 +1,7 @@
 #include "core/merit/merit.h"
 
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 
 #include "core/merit/thresholds.h"
@@ -86,11 +87,10 @@ bool has_higher_minimum(const Merit& a, const Merit& b) { return a.smallest > b.
 bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest) {
   const auto &before = as_it_came.in_layers, &after = now.in_layers;
   if (options.layer_spacing != LayerSpacing::Keep || !before || !as_it_came.uncertified.empty()) return false;
-  const bool are_thin = thinnest < threshold::kThinLayers;
-  const double most = are_thin ? threshold::kStaysInLayers : threshold::kRisesInLayers;
-  if (!after || after->error > most * before->error) return true;
-  const bool has_moved = after->error < before->error / threshold::kRisesInLayers;
-  return has_moved && are_thin && after->error > threshold::kFallsInLayers * before->error;
+  if (!after) return true;
+  if (thinnest >= threshold::kThinLayers) return after->error > threshold::kRisesInLayers * before->error;
+  const bool is_equal = std::abs(after->error - before->error) <= threshold::kEqualInLayers * before->error;
+  return !is_equal && after->error > threshold::kFallsInLayers * before->error;
 }
 
 }  // namespace varimesh

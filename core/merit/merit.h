@@ -95,8 +95,8 @@ inline bool keeps_loss(const Merit& now, const Merit& as_it_came) { return now.l
 
 /// Whether the spacing of layers is to stay, and a mesh that was valid as it came may hold what decays from a wall
 /// worse: its error in layers is not known, or above threshold::kRisesInLayers times what it was. In thin layers
-/// (threshold::kThinLayers) it may not rise (kStaysInLayers), and if it falls by more than kRisesInLayers, it must fall
-/// below kFallsInLayers. `thinnest`: as LayerStart::thinnest (core/layers/layers.h).
+/// (threshold::kThinLayers) it must be the same or fall below threshold::kFallsInLayers. `thinnest`: as
+/// LayerStart::thinnest (core/layers/layers.h).
 bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest);
 
 /// Whether the minimum of `a` is higher by more than threshold::kHigher.
