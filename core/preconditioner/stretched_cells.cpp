@@ -209,6 +209,7 @@ std::vector<std::vector<float>> StretchedCells::gather_if_stretched(
 
 void StretchedCells::assemble_whole(const std::vector<std::vector<float>>& tensors) {
   join(find(tensors));
+  place_groups();
   std::vector<int> count(problem_.free.size(), 0);
   for (const Group& group : groups_)
     for (const std::int32_t node : group.ranks) ++count[at(node)];
@@ -268,7 +269,7 @@ void StretchedCells::apply(Group& group, std::span<const float> r) const {
   static thread_local std::vector<float> weighted;
   weighted.clear();
   for (std::size_t n = 0; n < group.ranks.size(); ++n)
-    for (int k = 0; k < d; ++k) weighted.push_back(group.weight[n] * r[at(group.ranks[n]) * d + at(k)]);
+    for (int k = 0; k < d; ++k) weighted.push_back(group.weight[n] * r[at(group.from[n]) * d + at(k)]);
   const auto rows = static_cast<Eigen::Index>(weighted.size());
   const Eigen::Map<const Eigen::VectorXf> from(weighted.data(), rows);
   Eigen::Map<Eigen::VectorXf> to(group.product.data(), rows);
@@ -285,35 +286,48 @@ void StretchedCells::apply(Group& group, std::span<const float> r) const {
     to.segment<d>(static_cast<Eigen::Index>(n) * d) *= group.weight[n];
 }
 
+void StretchedCells::place_groups() {
+  own_at_groups_.clear();
+  if (part_ == nullptr) {
+    for (Group& group : groups_) group.from = group.to = group.ranks;
+    return;
+  }
+  constexpr std::int32_t kNone = -1;
+  std::vector<std::int32_t> from(problem_.free.size(), kNone), to(problem_.free.size(), kNone);
+  for (const Group& group : groups_)
+    for (const std::int32_t node : group.ranks) from[at(node)] = 0;
+  std::vector<std::int32_t> nodes;
+  for (std::int32_t f = 0; f < part_->share.own_nodes; ++f) {
+    const std::int32_t node = part_->share.numbers[at(f)];
+    if (from[at(node)] == kNone) continue;
+    to[at(node)] = f;
+    own_at_groups_.push_back(f);
+    nodes.push_back(node);
+  }
+  nodes = part_->share.ranks->gather_everywhere(nodes);
+  for (std::size_t i = 0; i < nodes.size(); ++i) from[at(nodes[i])] = static_cast<std::int32_t>(i);
+  for (Group& group : groups_)
+    for (const std::int32_t node : group.ranks) {
+      group.from.push_back(from[at(node)]);
+      group.to.push_back(to[at(node)]);
+    }
+}
+
 std::vector<float> StretchedCells::gather_at_groups(std::span<const float> r) const {
   const std::size_t d = at(problem_.dimension);
-  std::vector<char> is_in(problem_.free.size());
-  for (const Group& group : groups_)
-    for (const std::int32_t node : group.ranks) is_in[at(node)] = 1;
-  std::vector<std::int32_t> nodes;
   std::vector<float> mine;
-  for (std::size_t f = 0; f < at(part_->share.own_nodes); ++f)
-    if (is_in[at(part_->share.numbers[f])] != 0) {
-      nodes.push_back(part_->share.numbers[f]);
-      for (std::size_t k = 0; k < d; ++k) mine.push_back(r[f * d + k]);
-    }
-  nodes = part_->share.ranks->gather_everywhere(nodes);
-  mine = part_->share.ranks->gather_everywhere(mine);
-  std::vector<float> all(problem_.free.size() * d, 0.0F);
-  for (std::size_t i = 0; i < nodes.size(); ++i) std::copy_n(mine.data() + i * d, d, all.data() + at(nodes[i]) * d);
-  return all;
+  for (const std::int32_t f : own_at_groups_)
+    for (std::size_t k = 0; k < d; ++k) mine.push_back(r[at(f) * d + k]);
+  return part_->share.ranks->gather_everywhere(mine);
 }
 
 double StretchedCells::add(std::span<const float> r, std::span<float> z) {
   if (groups_.empty()) return 0;
   const std::size_t d = at(problem_.dimension);
   std::vector<float> gathered;
-  std::vector<std::int32_t> place;  // with ranks: of the rank's own nodes in z
   if (part_ != nullptr) {
     gathered = gather_at_groups(r);
     r = gathered;
-    place.assign(problem_.free.size(), -1);
-    for (std::int32_t f = 0; f < part_->share.own_nodes; ++f) place[at(part_->share.numbers[at(f)])] = f;
   }
   team_.for_each(static_cast<std::int32_t>(groups_.size()), 1, [&](std::int32_t g) {
     if (groups_[at(g)].inverse_factor.empty()) return;
@@ -323,10 +337,8 @@ double StretchedCells::add(std::span<const float> r, std::span<float> z) {
   for (const Group& group : groups_) {
     if (group.inverse_factor.empty()) continue;
     along.add(group.along);
-    for (std::size_t n = 0; n < group.ranks.size(); ++n) {
-      const std::int32_t to = part_ == nullptr ? group.ranks[n] : place[at(group.ranks[n])];
-      for (std::size_t k = 0; k < d && to >= 0; ++k) z[at(to) * d + k] += group.product[n * d + k];
-    }
+    for (std::size_t n = 0; n < group.to.size(); ++n)
+      for (std::size_t k = 0; k < d && group.to[n] >= 0; ++k) z[at(group.to[n]) * d + k] += group.product[n * d + k];
   }
   return along.value();
 }

@@ -58,6 +58,8 @@ class StretchedCells {
 
   struct Group {
     std::vector<std::int32_t> ranks;
+    std::vector<std::int32_t> from;     ///< By node: its place in r; with ranks, in what gather_at_groups() returns.
+    std::vector<std::int32_t> to;       ///< By node: its place in z; -1 if another rank owns it.
     std::vector<float> weight;          ///< By node: W_p.
     std::vector<float> inverse_factor;  ///< L⁻¹ of K_p = L Lᵀ: lower triangle by rows. Empty: K_p has none.
     std::vector<float> product;         ///< d numbers per node.
@@ -77,7 +79,9 @@ class StretchedCells {
   /// With ranks: the tensors of all cells of the problem if there are stretched cells, and not too many; otherwise
   /// nothing.
   std::vector<std::vector<float>> gather_if_stretched(const std::vector<std::vector<float>>& tensors) const;
-  /// With ranks: r at the nodes of the groups, in place of others 0, by free node of the problem.
+  /// Sets the places of the groups' nodes in r and z.
+  void place_groups();
+  /// With ranks: r at the nodes of the groups, first those that the first rank owns.
   std::vector<float> gather_at_groups(std::span<const float> r) const;
   bool is_stretched(Cell at, const std::vector<std::vector<float>>& tensors) const;
   /// The cells that count, in ascending order.
@@ -104,6 +108,7 @@ class StretchedCells {
   /// has cells of more than kMostCellNodes nodes; then no cell counts as stretched.
   std::vector<std::vector<float>> means_;
   std::vector<Group> groups_;
+  std::vector<std::int32_t> own_at_groups_;  ///< With ranks: the own free nodes that are in a group, ascending.
 };
 
 }  // namespace varimesh
