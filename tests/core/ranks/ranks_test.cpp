@@ -11,6 +11,7 @@
 
 #include "core/ranks/halo.h"
 #include "core/ranks/thread_ranks.h"
+#include "core/ranks/to_all.h"
 #include "core/ranks/whole_reduction.h"
 
 namespace varimesh {
@@ -50,6 +51,32 @@ TEST_P(RanksOf, SendListsToEachOther) {
     for (int i = 0; i < n; ++i) all.push_back(i);
     EXPECT_EQ(ranks.gather(std::vector{r}), r == 0 ? all : std::vector<int>());
     EXPECT_EQ(ranks.gather_everywhere(std::vector{r}), all);
+  });
+}
+
+TEST_P(RanksOf, GetWhatTheFirstHas) {
+  run_as_ranks(GetParam(), [&](const Ranks& ranks) {
+    for (const std::size_t size : {std::size_t{1000}, std::size_t{0}, std::size_t{3}}) {
+      const auto bytes_of = [&](int rank) {
+        Ranks::Bytes bytes(size);
+        for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::byte>(i + std::size_t(100 * rank) + size);
+        return bytes;
+      };
+      Ranks::Bytes bytes = bytes_of(ranks.rank());
+      broadcast(bytes, ranks);
+      EXPECT_EQ(bytes, bytes_of(0));
+    }
+  });
+}
+
+TEST_P(RanksOf, KnowWhetherTheyHaveTheSame) {
+  run_as_ranks(GetParam(), [&](const Ranks& ranks) {
+    const bool is_last = ranks.rank() == ranks.count() - 1, alone = ranks.count() == 1;
+    EXPECT_TRUE(have_same("AVX2", ranks));
+    EXPECT_EQ(have_same(is_last ? "AVX3" : "AVX2", ranks), alone);
+    EXPECT_EQ(have_same(is_last ? "" : "AVX2", ranks), alone);
+    EXPECT_EQ(have_same(is_last ? "aa" : "a", ranks), alone);
+    EXPECT_TRUE(have_same("", ranks));
   });
 }
 
