@@ -47,7 +47,7 @@ if(TARGET varimesh_opencascade)
   set(CPACK_DEBIAN_COMMAND_PACKAGE_SUGGESTS varimesh-geometry)
 endif()
 if(TARGET varimesh_mpi)
-  varimesh_package(mpi varimesh-mpi "Certifies high-order meshes on many machines, over MPI" COMPONENTS mpi)
+  varimesh_package(mpi varimesh-mpi "Certifies and optimises high-order meshes on many machines, over MPI" COMPONENTS mpi)
   set(CPACK_DEBIAN_MPI_PACKAGE_RECOMMENDS "openmpi-bin, openssh-client")
 endif()
 varimesh_package(library libvarimesh-client${abi} "C++ client of the mesh optimisation server" COMPONENTS client

@@ -106,7 +106,7 @@ class CellEnergy {
     team_.for_each(own_nodes_, kNodesPerTask, [&](std::int32_t rank) { use(rank, added_up_block(rank)); });
   }
   /// product = Hessian over scale() times direction; returns direction · product. Both have d floats per free node,
-  /// then padded(d) zeros. The product is set at the own nodes, and the direction must be up to date at all.
+  /// then padded(d) zeros. The product is set at the own nodes; the direction must be up to date at all free nodes.
   double multiply(std::span<const float> direction, std::span<float> product);
 
   std::vector<BatchSet>& batches() { return batches_; }
