@@ -1,5 +1,6 @@
 #include "client/local/shared_run.h"
 
+#include <cassert>
 #include <memory>
 #include <utility>
 
@@ -47,7 +48,22 @@ Expected<SharedOutcome> run_shared(SharedRun run, const Ranks& ranks) {
   request.outputs = run.outputs;
   request.keep_orders = run.keep_orders;
   SharedOutcome outcome;
-  auto ended = server::core_engine().run(std::move(request), hooks_of(run, ranks, outcome.history));
+  // Each rank reads and checks the mesh by itself, and any of them may fail at it alone. What they do together begins
+  // when all have been admitted.
+  bool have_met = false, go_on = false;
+  server::RunHooks hooks = hooks_of(run, ranks, outcome.history);
+  hooks.admit = [&](std::int64_t) -> Expected<bool> {
+    have_met = true;
+    const auto all = ranks.agree({});
+    go_on = all.has_value();
+    return all ? Expected<bool>(true) : tl::unexpected(all.error());
+  };
+  auto ended = server::core_engine().run(std::move(request), hooks);
+  assert(have_met || !ended);
+  if (!have_met || go_on) {
+    const auto all = ranks.agree(ended ? Expected<void>() : tl::unexpected(ended.error()));
+    if (!all) return tl::unexpected(all.error());
+  }
   if (!ended) return tl::unexpected(ended.error());
   outcome.metrics = std::move(ended->metrics);
   server::add_options(*options, outcome.metrics);

@@ -29,8 +29,8 @@ struct SharedOutcome {
   v1::History history;
 };
 
-/// All ranks call it, with the same run, and outside of anything that may fail. Errors: BadInput, BadOption, Output, on
-/// the ranks that have them: the run itself fails on all, but only the first one writes.
+/// All ranks call it, with the same run, and outside of anything that may fail. Errors: BadInput, BadOption, Output. A
+/// rank that fails fails all, with the sentence of the first of those that fail.
 Expected<SharedOutcome> run_shared(SharedRun run, const Ranks& ranks);
 
 }  // namespace varimesh::client

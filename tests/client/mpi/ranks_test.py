@@ -22,6 +22,7 @@ PERMITTED = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROO
              "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}  # Open MPI 5
 MESHES = ["nine_triangles.msh", "circle_p5.msh", "annulus_p3.msh", "aerofoil_p4.msh", "reentrant_3_of_5.msh",
           "pin_p3.msh", "solid_ball_p3.msh", "thick_layer_p3.msh"]
+HDF5 = os.environ.get("VARIMESH_HDF5") or Path(VARIMESH).resolve().parent.parent / "lib" / "varimesh" / "varimesh_hdf5"
 SECONDS_TO_END = 10
 # Megabytes of memory of its own that a process may have (RLIMIT_DATA). In the address space, what MPI's processes have in
 # common would count for each.
@@ -253,6 +254,30 @@ class Failures(WithMeshes):
         self.assertIn("refers to node 1000000000", done.stderr)
         self.assertIn(f"byte {at + 8}", done.stderr)
         self.assertIn(run("quality", mesh).stderr.strip(), done.stderr)
+
+    def optimise_without_hdf5_on_the_second(self, mesh, out, status):
+        """The second of three ranks cannot start the program that reads and writes HDF5 files, and all end soon."""
+        if not Path(HDF5).exists():
+            self.skipTest("VariMesh was built without HDF5")
+        before = {path.name for path in self.folder.iterdir()}
+        script = 'test "$OMPI_COMM_WORLD_RANK" != 1 || export VARIMESH_HDF5=/nowhere; exec "$0" "$@"'
+        began = time.monotonic()
+        done = subprocess.run(["mpirun", "-n", "3", "sh", "-c", script, VARIMESH_MPI, "optimise", mesh, "-o", out, "--objective",
+                               "energy", "--threads", "1"], capture_output=True, text=True, timeout=100, env=PERMITTED)
+        self.assertLess(time.monotonic() - began, SECONDS_TO_END)
+        self.assertEqual(done.returncode, status, done.stderr)
+        self.assertEqual(done.stderr.count("varimesh: "), 1, done.stderr)
+        self.assertIn("installed without HDF5", done.stderr)
+        self.assertEqual(done.stdout.count("scaled Jacobian"), 0)
+        self.assertEqual({path.name for path in self.folder.iterdir()}, before)
+
+    def test_a_rank_that_alone_cannot_read_the_mesh_ends_all(self):
+        mesh = self.folder / "ball.cgns"
+        self.assertEqual(run("convert", CASES / "solid_ball_p3.msh", mesh).returncode, 0)
+        self.optimise_without_hdf5_on_the_second(mesh, self.folder / "out.msh", 3)
+
+    def test_a_rank_that_alone_cannot_write_the_mesh_ends_all(self):
+        self.optimise_without_hdf5_on_the_second(CASES / "pin_p3.msh", self.folder / "out.cgns", 2)
 
     def kill_one_of(self, *arguments):
         """Kills the second of three ranks after two seconds. All end soon, and standard output is returned."""
