@@ -45,23 +45,22 @@ int main(int argc, char** argv) {
   }
   // If one rank ends with a sentence, mpirun interrupts the others, and they have nothing to add.
   client::say_nothing_of_interrupts();
-  const auto together = [&](const auto& work) {
+  const auto together = [&](const char* no_room, const auto& work) {
     try {
       return work();
     } catch (const std::bad_alloc&) {
       in_turn.reset();  // writes what waits
-      give_up(standard_error,
-              "there is not enough memory for a rank's part of the mesh; use more ranks, on more machines.");
+      give_up(standard_error, no_room);
     } catch (const std::exception& error) {
       in_turn.reset();
       give_up(standard_error, std::string("a rank ended unexpectedly (") + error.what() + "); please report it.");
     }
   };
   const client::QualityRun quality = [&](const client::QualityArguments& arguments) {
-    return together([&] { return client::quality_of_ranks(arguments, session.ranks()); });
+    return together(client::kNoRoomForPart, [&] { return client::quality_of_ranks(arguments, session.ranks()); });
   };
   const client::OptimiseRun optimise = [&](const client::OptimiseArguments& arguments) {
-    return together([&] { return client::optimise_of_ranks(arguments, session.ranks()); });
+    return together(client::kNoRoomForMesh, [&] { return client::optimise_of_ranks(arguments, session.ranks()); });
   };
   const int status = client::run_program(
       argc, argv, [&](client::Command program) { return client::add_commands_of_ranks(program, quality, optimise); });

@@ -1,8 +1,11 @@
 #include "client/mpi/optimise_of_ranks.h"
 
+#include <cstdint>
 #include <deque>
 #include <iostream>
+#include <new>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +19,8 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/io/output_file.h"
+#include "core/base/version.h"
+#include "core/ranks/to_all.h"
 
 namespace varimesh::client {
 namespace {
@@ -41,26 +46,54 @@ Expected<void> check_flags(const OptimiseArguments& arguments) {
   if (options.repair() != v1::REPAIR_UNSPECIFIED && options.repair() != v1::REPAIR_NONE)
     return refuse("--repair", "repairs are not shared");
   if (options.time_limit() > 0) return refuse("--time-limit", "processes would not end together");
-  if (options.device() == v1::DEVICE_GPU) return refuse("--device gpu", "processes share no device");
+  if (options.device() != v1::DEVICE_UNSPECIFIED && options.device() != v1::DEVICE_CPU)
+    return refuse(options.device() == v1::DEVICE_GPU ? "--device gpu" : "--device auto", "processes share no device");
+  if (!arguments.request_id.empty()) return refuse("--request-id", "there is no server to which it could be sent");
   if (!arguments.report.empty()) return refuse("--report", "it is not written yet");
   return {};
 }
 
+/// The ranks go on together because all have the same numbers, and these depend on the kernels.
+Expected<void> check_processors(const Ranks& ranks) {
+  if (have_same(vector_instructions(), ranks)) return {};
+  return bad_option(
+      "The processors of the ranks have different vector instructions, so their numbers would differ; use machines of "
+      "one kind.");
+}
+
+/// Calls work(), which returns Expected<void>, on this rank, and agrees on how it went.
+template <class Work>
+Expected<void> with_room(const Ranks& ranks, const Work& work) {
+  return ranks.together([&]() -> Expected<void> {
+    try {
+      return work();
+    } catch (const std::bad_alloc&) {
+      return bad_input(kNoRoomForMesh);
+    }
+  });
+}
+
 /// The bytes of the file, which the first rank reads. Errors are the same on all ranks.
 Expected<std::string> read_everywhere(const std::string& path, const Ranks& ranks) {
-  std::vector<char> bytes;
-  const auto read = ranks.together([&]() -> Expected<void> {
+  std::string bytes;
+  const auto read = with_room(ranks, [&]() -> Expected<void> {
     if (!ranks.is_first()) return {};
     const auto file = InputFile::open(path);
     if (!file) return bad_input(file.error().sentence);
-    const auto all = file->read_all();
+    auto all = file->read_all();
     if (!all) return bad_input(all.error().sentence);
-    bytes.assign(all->begin(), all->end());
+    bytes = std::move(*all);
     return {};
   });
   if (!read) return tl::unexpected(read.error());
-  bytes = ranks.gather_everywhere(bytes);
-  return std::string(bytes.begin(), bytes.end());
+  const std::int64_t size = ranks.sum(static_cast<std::int64_t>(bytes.size()));
+  const auto room = with_room(ranks, [&]() -> Expected<void> {
+    bytes.resize(static_cast<std::size_t>(size));
+    return {};
+  });
+  if (!room) return tl::unexpected(room.error());
+  broadcast(std::as_writable_bytes(std::span(bytes)), ranks);
+  return bytes;
 }
 
 /// The outputs of the first rank.
@@ -132,6 +165,7 @@ int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcom
 int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks) {
   end_at_first_interrupt();
   if (const auto checked = check_flags(arguments); !checked) return print_error(checked.error());
+  if (const auto same = check_processors(ranks); !same) return print_error(same.error());
   std::vector<Output> outputs;
   const auto writable = ranks.together([&]() -> Expected<void> {
     if (!ranks.is_first()) return {};

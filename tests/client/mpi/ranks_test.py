@@ -208,6 +208,8 @@ class Refusals(WithMeshes):
         for flags, words in ((["--order", "3"], "does not take --order"), (["--repair", "split"], "does not take --repair"),
                              (["--time-limit", "9"], "does not take --time-limit"),
                              (["--device", "gpu"], "does not take --device gpu"),
+                             (["--device", "auto"], "does not take --device auto"),
+                             (["--request-id", "wing-1"], "does not take --request-id"),
                              (["--slide-on", "boundary"], "does not take a geometry"),
                              (["--merge-nodes", "1e-9"], "does not take flags that change the mesh"),
                              (["--report", self.folder / "page.html"], "does not take --report")):
@@ -337,7 +339,7 @@ class Memory(WithMeshes):
                              ["optimise", mesh, "--objective", "energy", "-o", self.folder / "out.msh", "--threads", "1"])
         self.assertLess(time.monotonic() - began, 60)
         self.assertNotEqual(ranks.returncode, 0)
-        self.assertIn("not enough memory", ranks.stderr)
+        self.assertIn("not enough memory: each rank holds the whole mesh", ranks.stderr)
         self.assertEqual([path.name for path in self.folder.iterdir()], [mesh.name])
 
 
