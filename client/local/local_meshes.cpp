@@ -3,22 +3,10 @@
 #include <utility>
 
 #include "client/library/failures.h"
+#include "client/local/bytes.h"
 #include "core/base/sha256.h"
 
 namespace varimesh::client {
-namespace {
-
-class Bytes : public server::Blob {
- public:
-  explicit Bytes(std::string bytes) : bytes_(std::move(bytes)) {}
-  std::string_view bytes() const override { return bytes_; }
-
- private:
-  const std::string bytes_;
-};
-
-}  // namespace
-
 std::string LocalMeshes::add(std::shared_ptr<InputFile> file) {
   const std::lock_guard lock(mutex_);
   std::string name = "mesh " + std::to_string(files_.size() + 1) + " of this process";

@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "client/local/bytes.h"
 #include "core/threads/crew.h"
 #include "server/engine/engine.h"
 #include "server/engine/option_messages.h"
@@ -11,15 +12,6 @@
 
 namespace varimesh::client {
 namespace {
-
-class Bytes : public server::Blob {
- public:
-  explicit Bytes(std::string bytes) : bytes_(std::move(bytes)) {}
-  std::string_view bytes() const override { return bytes_; }
-
- private:
-  const std::string bytes_;
-};
 
 server::RunHooks hooks_of(const SharedRun& run, const Ranks& ranks, v1::History& history) {
   server::RunHooks hooks;
@@ -48,8 +40,8 @@ Expected<SharedOutcome> run_shared(SharedRun run, const Ranks& ranks) {
   request.outputs = run.outputs;
   request.keep_orders = run.keep_orders;
   SharedOutcome outcome;
-  // Each rank reads and checks the mesh by itself, and any of them may fail at it alone. What they do together begins
-  // when all have been admitted.
+  // Each rank reads and checks its copy of the mesh. One rank may fail where the others do not, so the ranks begin the
+  // common work only after all have said that they can.
   bool have_met = false, go_on = false;
   server::RunHooks hooks = hooks_of(run, ranks, outcome.history);
   hooks.admit = [&](std::int64_t) -> Expected<bool> {

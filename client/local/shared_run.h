@@ -18,7 +18,7 @@ struct SharedRun {
   v1::Options options;
   std::vector<v1::MeshFormat> outputs;  ///< Each once; UNSPECIFIED: the format of the input.
   bool keep_orders = false;             ///< Elements that came at a lower order are written so again.
-  /// Returns where the result in the next format goes. The others than the first rank write nothing.
+  /// Returns where the result in the next format goes. Only the first rank writes.
   std::function<Sink()> open_output;
   std::function<void(const std::string&)> on_note;  ///< Gets sentences about the run; may be empty.
 };
@@ -29,8 +29,8 @@ struct SharedOutcome {
   v1::History history;
 };
 
-/// All ranks call it, with the same run, and outside of anything that may fail. Errors: BadInput, BadOption, Output. A
-/// rank that fails fails all, with the sentence of the first of those that fail.
+/// All ranks call it with the same run, and none may leave before. Errors: BadInput, BadOption, Output. If one rank
+/// fails, all get its error; if several fail, that of the first of them.
 Expected<SharedOutcome> run_shared(SharedRun run, const Ranks& ranks);
 
 }  // namespace varimesh::client

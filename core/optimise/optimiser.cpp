@@ -106,7 +106,8 @@ Forecast forecast_of(const Options& options) {
                    .time_limit = options.time_limit});
 }
 
-/// What a run with ranks may ask: nothing that one of them would be told alone. Errors: BadOption.
+/// The control without what a single rank would learn alone, such as a request to stop, if several ranks share the run.
+/// Errors: BadOption if a time limit is asked for.
 Expected<RunControl> control_of_ranks(RunControl control, const Options& options) {
   if (control.ranks == nullptr || control.ranks->count() == 1) {
     control.ranks = nullptr;

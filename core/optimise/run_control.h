@@ -89,10 +89,10 @@ struct RunControl {
   /// So the run hands such a mesh out as soon as its own methods have done what they can: it does not lower the loss of
   /// accuracy, and tries no other energies and targets. Set by optimise_on_geometry().
   bool another_follows = false;
-  /// The ranks that make this run together, all of which call optimise() with the same mesh and the same options; null:
-  /// it runs alone. They share the steps of Newton's method, and each does everything else by itself, so all have the
-  /// same result, that of a run alone. Such a run has no device, no checkpoints and no time limit, and stop_asked is
-  /// not asked. on_iteration must return the same on all ranks. It must outlive the run.
+  /// The ranks that share this run; null: one process runs it. All ranks call optimise() with the same mesh and the
+  /// same options. They share the steps of Newton's method, and each rank does the rest of the run by itself. All get
+  /// the result that one process gets. A shared run uses no device and no checkpoint, has no time limit, and does not
+  /// ask stop_asked. on_iteration must return the same on all ranks. The object must outlive the run.
   const Ranks* ranks = nullptr;
 };
 

@@ -9,9 +9,9 @@
 
 namespace varimesh {
 
-/// A Reduction over the terms of all ranks, each of which has whole blocks of Reduction::kBlock terms of the whole. The
-/// results have the bits of a Reduction over all terms. Several ranks call each function together, inside team.run();
-/// with one rank it is a Reduction.
+/// A Reduction over the terms of all ranks. The terms are numbered through, and cut into blocks of Reduction::kBlock. A
+/// rank has the terms of some of these blocks. The results have the bits of a Reduction of one process over all terms.
+/// All ranks call each function together, inside team.run(). With one rank it is a Reduction.
 ///
 /// With several ranks the team must have no token, because a rank that stops by itself leaves the others waiting. The
 /// token is `stop`, which may be null. The ranks look at it whenever they take a sum, and throw Interrupted together if

@@ -99,7 +99,7 @@ bool JudgeOnDevice::sample(const HighOrderMesh& mesh, std::span<const double> co
   if (!begin()) return false;
   device::Buffer there;
   queue_->fill(there, coordinates);
-  // Meshes of CAD models have a block for each volume, and so many small ones.
+  // A mesh of a CAD model has one block for each volume. Many of these blocks may be small.
   std::map<std::pair<Shape, int>, Blocks> alike;
   for (const detail::CellBatch& block : detail::whole_blocks(mesh))
     alike[{block.block->shape, block.block->order}].push_back(block);

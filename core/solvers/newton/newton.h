@@ -14,9 +14,9 @@
 
 namespace varimesh {
 
-/// Newton steps on a problem (newton_method.h). The vectors are on the processor (mesh_objective.h), on a device
-/// (device_objective.h), or on the processors of several ranks, each of which has a part (problem_part.h). The line
-/// search never makes a valid cell invalid.
+/// Newton steps on a problem (newton_method.h). The vectors are on the processor (mesh_objective.h) or on a device
+/// (device_objective.h). Several ranks may share them: each rank works on its part of the problem (problem_part.h). The
+/// line search never makes a valid cell invalid.
 class Newton {
  public:
   /// Of the Hessian and a direction, per step. Usual steps need 5 to 60, and 400 at λ = 640. If a step needs more than
