@@ -34,9 +34,10 @@ Engine endless_engine() {
 /// A scheduler with a store of its own. Leases are renewed only when a test calls tick().
 struct Node {
   Node(const InDatabase& place, DirectoryMeshStore& meshes, std::string name, int threads,
-       std::vector<std::string> devices = {}) {
+       std::vector<std::string> devices = {}, milliseconds lease = JobStoreSettings().lease) {
     JobStoreSettings settings;
     settings.clock = nullptr;
+    settings.lease = lease;
     jobs = InDatabase::open(settings, place.url());
     SchedulerSettings scheduling;
     scheduling.threads = threads;
@@ -92,7 +93,9 @@ class TwoServers : public ::testing::Test {
   InDatabase place_;
   std::unique_ptr<DirectoryMeshStore> meshes_ = std::move(*DirectoryMeshStore::create(::testing::TempDir(), {}));
   v1::JobSpec spec_;
-  Node front_{place_, *meshes_, "front", 0};
+  /// Has no job, and need not wait for a lease until it believes that no server lends devices: the database of the
+  /// tests may have been started a moment ago.
+  Node front_{place_, *meshes_, "front", 0, {}, milliseconds(1)};
   Node worker_{place_, *meshes_, "worker", 1};
 };
 
