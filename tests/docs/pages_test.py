@@ -129,13 +129,14 @@ class Links(unittest.TestCase):
         tree = "".join(file.read_text(errors="ignore") for file in (SOURCE / "tests").rglob("*")
                        if file.suffix in (".cpp", ".py", ".txt") and file.name != Path(__file__).name)
         text = (SOURCE / "docs" / "security.md").read_text()
+        attacks = (SOURCE / "docs" / "notes" / "attacks.md").read_text()
         rows = [line.split("|") for line in text.split("| threat |")[1].split("\n\n")[0].splitlines()[2:]]
         self.assertGreater(len(rows), 15)
         unshown = [row[1] for row in rows if "`" not in row[-2] and not row[2].startswith(" nothing:")]
         self.assertEqual(unshown, [], "promises that no test shows")
-        for suite, test in re.findall(r"`(?:server|core|client|faults|deploy)\.(?:\w+/|s3\.|isolation\.|http\.|jobs\.tls\.|farm\.)?(\w+)\.?(\w*)[^`]*`", text):
+        for suite, test in re.findall(r"`(?:server|core|client|faults|deploy)\.(?:\w+/|s3\.|isolation\.|http\.|jobs\.tls\.|farm\.)?(\w+)\.?(\w*)[^`]*`", text + attacks):
             self.assertTrue(re.search(rf"\b{suite}\b", tree) and re.search(rf"\b{test}", tree), f"{suite}.{test}")
-        for name in re.findall(r"attacks? (`[^|.;]*)", text):
+        for name in re.findall(r"attacks? (`[^|.;]*)", text + attacks):
             for attack in re.findall(r"`([a-z][^`]*)`", name):
                 self.assertTrue(f'"{attack}"' in tree, attack)
 
