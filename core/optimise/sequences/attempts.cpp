@@ -19,34 +19,11 @@
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/run.h"
+#include "core/optimise/sequences/ways.h"
 #include "core/optimise/sequences/work.h"
 
 namespace varimesh {
 namespace {
-
-/// Options that lead to a better mesh where others do not.
-struct Way {
-  Objective objective;
-  Energy energy;
-  Constants constants;
-  Target target;
-  const char* name;
-};
-
-/// In the order in which they are tried. None of them makes all meshes valid that another does: the hyperelastic energy
-/// does in thin layers, Winslow's and the distortion at re-entrant corners, and ideal targets where straight-sided
-/// cells are tangled. The constants of the reference lower the loss of a valid mesh from which the descent finds no
-/// way.
-constexpr std::array kWays{
-    Way{Objective::Auto, Energy::Hyperelastic, Constants::Standard, Target::StraightSided, "the default objective"},
-    Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
-        "the optimum of the hyperelastic energy"},
-    Way{Objective::Energy, Energy::Winslow, Constants::Standard, Target::StraightSided, "the Winslow energy"},
-    Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::Ideal, "ideal targets"},
-    Way{Objective::Energy, Energy::Distortion, Constants::Standard, Target::StraightSided, "the distortion energy"},
-    Way{Objective::Energy, Energy::Hyperelastic, Constants::Reference, Target::StraightSided,
-        "the constants of the reference"},
-};
 
 /// The most bytes that the attempt at the next order may need beyond what the run does: it is worth a hint only.
 constexpr std::int64_t kMemoryOfAHint = std::int64_t{16} << 20;
@@ -162,18 +139,11 @@ class Attempts {
 
  private:
   std::optional<Result> try_way(const Way& way) {
-    Options options = options_of(way);
+    Options options = with_way(set_up_.options, way);
     options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
     if (way.objective == Objective::Auto) return run_with(options, std::numeric_limits<double>::infinity());
     if (is_plain_energy(options)) return run_with(options, most_work_);
     return run(options, set_up_.mesh.coordinates);
-  }
-
-  /// The optimum of the energy is tried first, and repeats the beginning of the run. So it may untangle as deeply as a
-  /// run does, and do the work that is meant for all attempts.
-  static bool is_plain_energy(const Options& options) {
-    return options.objective == Objective::Energy && options.energy == Energy::Hyperelastic &&
-           options.target == Target::StraightSided && options.constants == Constants::Standard;
   }
 
   /// Runs with at most this much work. If it is without bound, it does not count for the other attempts.
@@ -233,16 +203,6 @@ class Attempts {
     set_up_.is_spent = true;
   }
 
-  Options options_of(const Way& way) const {
-    Options options = set_up_.options;
-    options.objective = way.objective;
-    options.min_js = Options().min_js;  // which is an option of the accuracy
-    options.energy = way.energy;
-    options.constants = way.constants;
-    options.target = way.target;
-    return options;
-  }
-
   /// Runs with these options from these coordinates, and raises the mesh to another order first if there is one.
   /// Nothing if the mesh is refused.
   std::optional<Result> run(Options options, std::vector<double> coordinates, int order = 0) {
@@ -266,6 +226,8 @@ class Attempts {
       return stopped_ || work_ >= most ? Control::Stop : Control::Continue;
     };
     RunControl control = control_;
+    const bool is_whole = options.objective != set_up_.options.objective && std::isinf(work_of_each_);
+    if (is_whole && forecast_ != nullptr) control.forecast = &forecast_->whole_run(begun, Forecast::rules_of(options));
     control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
     const bool is_shallow = options.objective == Objective::Energy && !is_plain_energy(options);
@@ -274,7 +236,7 @@ class Attempts {
     // Objective::Worst ends no lower than the default, attempts included. And what is said of the next order is what
     // the default reaches there.
     if (options.objective != set_up_.options.objective || order != 0)
-      try_ways(**prepared, pass_on, control_, stop_, result, false);
+      try_ways(**prepared, pass_on, control, stop_, result, false);
     // A set-up for another objective looks for no layers.
     if (order == 0 && result_.before.in_layers && !result.after.in_layers)
       result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads));
