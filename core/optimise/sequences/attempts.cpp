@@ -31,6 +31,10 @@ constexpr std::int64_t kMemoryOfAHint = std::int64_t{16} << 20;
 /// The work of all attempts, as a multiple of that of the run before. Each does at most as much as that run.
 constexpr double kTimesTheWork = 2;
 
+/// After a short run, each attempt may do this much, and all together as much as all ways need for that: about a second
+/// each. A mesh of nine elements needs .7 of it until Winslow's energy has untangled it.
+constexpr double kLeastWorkOfAttempt = 1e6;
+
 std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
 
 /// Whether a cell is left that may still become valid. Of a group that movement cannot repair, one cell has to stay
@@ -105,8 +109,8 @@ class Attempts {
     control_.checkpoint_due = nullptr;
     control_.save_checkpoint = nullptr;
     for (const Iteration& iteration : result.history) most_work_ += work_of(iteration);
-    work_of_each_ = std::max(most_work_, kLeastWork);
-    most_work_ = kTimesTheWork * work_of_each_;
+    work_of_each_ = std::max(most_work_, kLeastWorkOfAttempt);
+    most_work_ = std::max(kTimesTheWork * work_of_each_, static_cast<double>(kWays.size()) * kLeastWorkOfAttempt);
   }
 
   OtherWays run() {
@@ -146,12 +150,13 @@ class Attempts {
     return run(options, set_up_.mesh.coordinates);
   }
 
-  /// Runs with at most this much work. If it is without bound, it does not count for the other attempts.
+  /// Runs with at most this much work. What goes beyond the share of an attempt is not taken from the others, and a run
+  /// without bound takes nothing from them.
   std::optional<Result> run_with(const Options& options, double most_work) {
     const double work = work_;
     const double all = std::exchange(most_work_, most_work), of_each = std::exchange(work_of_each_, most_work);
     std::optional<Result> result = run(options, set_up_.mesh.coordinates);
-    if (std::isinf(most_work)) work_ = work;
+    work_ = std::isinf(most_work) ? work : std::min(work_, work + of_each);
     most_work_ = all;
     work_of_each_ = of_each;
     return result;
@@ -231,7 +236,7 @@ class Attempts {
     control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
     const bool is_shallow = options.objective == Objective::Energy && !is_plain_energy(options);
-    control.shallow_untangling = control.shallow_untangling || (is_shallow && work_of_each_ > kLeastWork);
+    control.shallow_untangling = control.shallow_untangling || (is_shallow && work_of_each_ > kLeastWorkOfAttempt);
     Result result = Run(**prepared, pass_on, control, stop_).go();
     // Objective::Worst ends no lower than the default, attempts included. And what is said of the next order is what
     // the default reaches there.
