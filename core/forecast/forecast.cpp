@@ -38,6 +38,16 @@ constexpr double kOverdue = 0.2;
 
 }  // namespace
 
+Forecast::Rules Forecast::rules_of(const Options& options) {
+  const bool ends_with_energy = options.objective == Objective::Energy || options.until == Until::Valid;
+  return {.goal = ends_with_energy                        ? Goal::Energy
+                  : options.objective == Objective::Worst ? Goal::Minimum
+                                                          : Goal::Loss,
+          .only_sweeps = options.method == varimesh::Method::Sweeps,
+          .tolerance = options.tolerance,
+          .time_limit = options.time_limit};
+}
+
 // ===== the last few =====
 
 void Forecast::Last::add(double seconds, double size) {
@@ -163,13 +173,16 @@ double Forecast::way_time() const {
   return ended_ways_.count() > 0 ? ended_ways_.mean(kKept) : kOtherWays * run_ / ways_;
 }
 
-double Forecast::most_of_ways(double now) const { return kMostOtherWays * run_ - (now - run_); }
+double Forecast::most_of_ways(double now) const { return kMostOtherWays * run_ - (now - ways_began_); }
 
 void Forecast::other_way(double now, int ways) {
   if (ways_ == 0)
-    run_ = now;
+    run_ = ways_began_ = now;
+  else if (whole_run_)
+    ways_began_ += now - way_began_;
   else
     ended_ways_.add(now - way_began_, 1);
+  whole_run_.reset();
   ways_ = ways;
   way_began_ = now;
   left_ = std::min(ways * way_time(), most_of_ways(now));
@@ -177,11 +190,21 @@ void Forecast::other_way(double now, int ways) {
   past_.add(now, *left_);
 }
 
+Forecast& Forecast::whole_run(double now, const Rules& rules) {
+  way_began_ = now;
+  whole_run_ = std::make_unique<Forecast>(rules);
+  whole_run_->judged_in(end_);
+  return *whole_run_;
+}
+
 std::optional<double> Forecast::seconds_left(double now) const {
   std::optional<double> left;
-  if (left_ && past_.agree()) left = *left_ - (now - left_at_);
+  if (whole_run_)
+    left = whole_run_->seconds_left(now - way_began_);
+  else if (left_ && past_.agree())
+    left = *left_ - (now - left_at_);
   // A way that takes longer than the others will not end at once.
-  if (left && ways_ > 0)
+  if (left && ways_ > 0 && !whole_run_)
     left = std::min(most_of_ways(now), std::max(*left, kOverdue * (now - way_began_) + (ways_ - 1) * way_time()));
   if (left && *left < -PastForecasts::kSeconds) left.reset();
   if (left) left = std::max(0.0, *left);

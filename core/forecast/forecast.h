@@ -3,9 +3,11 @@
 
 #include <cstddef>
 #include <deque>
+#include <memory>
 #include <optional>
 
 #include "core/forecast/past_forecasts.h"
+#include "core/options/options.h"
 
 namespace varimesh {
 
@@ -25,6 +27,7 @@ class Forecast {
     double tolerance = 1e-3;   ///< The residual at which Newton's method and sweeps end.
     double time_limit = 0;     ///< 0: none.
   };
+  static Rules rules_of(const Options& options);
   explicit Forecast(const Rules& rules) : rules_(rules) {}
 
   /// The mesh as it came was judged in this time. The result will be judged, too.
@@ -53,6 +56,10 @@ class Forecast {
 
   /// Another way begins at `now`. At most `ways` are tried from here on, this one included.
   void other_way(double now, int ways);
+
+  /// The way that has just begun, at `now`, is a whole run with rules of its own, which counts its seconds from now on.
+  /// @return the forecast that this run tells what it does; it lives until the next way begins
+  Forecast& whole_run(double now, const Rules& rules);
 
   /// What follows is not known to the forecast.
   void forget() { left_.reset(); }
@@ -106,6 +113,8 @@ class Forecast {
   int ways_ = 0;             ///< Other ways that are left, with the present one; 0: none was begun.
   Last ended_ways_;
   double way_began_ = 0;
+  double ways_began_ = 0;  ///< Less the time of whole runs, which the bound of the ways does not count.
+  std::unique_ptr<Forecast> whole_run_;
   std::optional<double> left_;  ///< At left_at_.
   double left_at_ = 0;
   PastForecasts past_;

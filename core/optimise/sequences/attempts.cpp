@@ -19,40 +19,21 @@
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/run.h"
+#include "core/optimise/sequences/ways.h"
 #include "core/optimise/sequences/work.h"
 
 namespace varimesh {
 namespace {
-
-/// Options that lead to a better mesh where others do not.
-struct Way {
-  Objective objective;
-  Energy energy;
-  Constants constants;
-  Target target;
-  const char* name;
-};
-
-/// In the order in which they are tried. None of them makes all meshes valid that another does: the hyperelastic energy
-/// does in thin layers, Winslow's and the distortion at re-entrant corners, and ideal targets where straight-sided
-/// cells are tangled. The constants of the reference lower the loss of a valid mesh from which the descent finds no
-/// way.
-constexpr std::array kWays{
-    Way{Objective::Auto, Energy::Hyperelastic, Constants::Standard, Target::StraightSided, "the default objective"},
-    Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,
-        "the optimum of the hyperelastic energy"},
-    Way{Objective::Energy, Energy::Winslow, Constants::Standard, Target::StraightSided, "the Winslow energy"},
-    Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::Ideal, "ideal targets"},
-    Way{Objective::Energy, Energy::Distortion, Constants::Standard, Target::StraightSided, "the distortion energy"},
-    Way{Objective::Energy, Energy::Hyperelastic, Constants::Reference, Target::StraightSided,
-        "the constants of the reference"},
-};
 
 /// The most bytes that the attempt at the next order may need beyond what the run does: it is worth a hint only.
 constexpr std::int64_t kMemoryOfAHint = std::int64_t{16} << 20;
 
 /// The work of all attempts, as a multiple of that of the run before. Each does at most as much as that run.
 constexpr double kTimesTheWork = 2;
+
+/// After a short run, each attempt may do this much, and all together as much as all ways need for that: about a second
+/// each. A mesh of nine elements needs .7 of it until Winslow's energy has untangled it.
+constexpr double kLeastWorkOfAttempt = 1e6;
 
 std::int64_t left(const Result& result) { return merit_of(result.after).uncertified; }
 
@@ -128,8 +109,8 @@ class Attempts {
     control_.checkpoint_due = nullptr;
     control_.save_checkpoint = nullptr;
     for (const Iteration& iteration : result.history) most_work_ += work_of(iteration);
-    work_of_each_ = std::max(most_work_, kLeastWork);
-    most_work_ = kTimesTheWork * work_of_each_;
+    work_of_each_ = std::max(most_work_, kLeastWorkOfAttempt);
+    most_work_ = std::max(kTimesTheWork * work_of_each_, static_cast<double>(kWays.size()) * kLeastWorkOfAttempt);
   }
 
   OtherWays run() {
@@ -162,26 +143,20 @@ class Attempts {
 
  private:
   std::optional<Result> try_way(const Way& way) {
-    Options options = options_of(way);
+    Options options = with_way(set_up_.options, way);
     options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
     if (way.objective == Objective::Auto) return run_with(options, std::numeric_limits<double>::infinity());
     if (is_plain_energy(options)) return run_with(options, most_work_);
     return run(options, set_up_.mesh.coordinates);
   }
 
-  /// The optimum of the energy is tried first, and repeats the beginning of the run. So it may untangle as deeply as a
-  /// run does, and do the work that is meant for all attempts.
-  static bool is_plain_energy(const Options& options) {
-    return options.objective == Objective::Energy && options.energy == Energy::Hyperelastic &&
-           options.target == Target::StraightSided && options.constants == Constants::Standard;
-  }
-
-  /// Runs with at most this much work. If it is without bound, it does not count for the other attempts.
+  /// Runs with at most this much work. What goes beyond the share of an attempt is not taken from the others, and a run
+  /// without bound takes nothing from them.
   std::optional<Result> run_with(const Options& options, double most_work) {
     const double work = work_;
     const double all = std::exchange(most_work_, most_work), of_each = std::exchange(work_of_each_, most_work);
     std::optional<Result> result = run(options, set_up_.mesh.coordinates);
-    if (std::isinf(most_work)) work_ = work;
+    work_ = std::isinf(most_work) ? work : std::min(work_, work + of_each);
     most_work_ = all;
     work_of_each_ = of_each;
     return result;
@@ -233,16 +208,6 @@ class Attempts {
     set_up_.is_spent = true;
   }
 
-  Options options_of(const Way& way) const {
-    Options options = set_up_.options;
-    options.objective = way.objective;
-    options.min_js = Options().min_js;  // which is an option of the accuracy
-    options.energy = way.energy;
-    options.constants = way.constants;
-    options.target = way.target;
-    return options;
-  }
-
   /// Runs with these options from these coordinates, and raises the mesh to another order first if there is one.
   /// Nothing if the mesh is refused.
   std::optional<Result> run(Options options, std::vector<double> coordinates, int order = 0) {
@@ -266,15 +231,17 @@ class Attempts {
       return stopped_ || work_ >= most ? Control::Stop : Control::Continue;
     };
     RunControl control = control_;
+    const bool is_whole = options.objective != set_up_.options.objective && std::isinf(work_of_each_);
+    if (is_whole && forecast_ != nullptr) control.forecast = &forecast_->whole_run(begun, Forecast::rules_of(options));
     control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
     const bool is_shallow = options.objective == Objective::Energy && !is_plain_energy(options);
-    control.shallow_untangling = control.shallow_untangling || (is_shallow && work_of_each_ > kLeastWork);
+    control.shallow_untangling = control.shallow_untangling || (is_shallow && work_of_each_ > kLeastWorkOfAttempt);
     Result result = Run(**prepared, pass_on, control, stop_).go();
     // Objective::Worst ends no lower than the default, attempts included. And what is said of the next order is what
     // the default reaches there.
     if (options.objective != set_up_.options.objective || order != 0)
-      try_ways(**prepared, pass_on, control_, stop_, result, false);
+      try_ways(**prepared, pass_on, control, stop_, result, false);
     // A set-up for another objective looks for no layers.
     if (order == 0 && result_.before.in_layers && !result.after.in_layers)
       result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads));

@@ -103,6 +103,18 @@ TEST(Forecast, GivesOtherWaysNoMoreThanTwiceTheRun) {
   EXPECT_NEAR(forecast.seconds_left(19 * kShort).value(), 11 * kShort, 1e-9) << "in place of 18";
 }
 
+TEST(Forecast, BelievesAWholeRunAndDoesNotCountItAmongTheOtherWays) {
+  Forecast forecast({.goal = Goal::Minimum});
+  forecast.other_way(10 * kShort, 3);
+  Forecast& whole = forecast.whole_run(10 * kShort, {.goal = Goal::Energy});
+  EXPECT_FALSE(forecast.seconds_left(11 * kShort)) << "before its first iteration";
+  whole.step(Method::Newton, 0.2, {.now = 4 * kShort, .is_valid = true});
+  EXPECT_GT(whole.seconds_left(4 * kShort).value(), 4 * kShort);
+  EXPECT_DOUBLE_EQ(forecast.seconds_left(14 * kShort).value(), whole.seconds_left(4 * kShort).value());
+  forecast.other_way(50 * kShort, 2);
+  EXPECT_NEAR(forecast.seconds_left(50 * kShort).value() / kShort, 10 * 2 / 2, 1e-9) << "two ways as long as the run";
+}
+
 TEST(Forecast, SaysNothingAfterItWasWrong) {
   Forecast forecast({.goal = Goal::Energy});
   double now = 0;

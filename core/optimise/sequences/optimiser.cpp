@@ -96,16 +96,6 @@ Tried tried_by(const Options& options, const RunSummary& result, const OtherWays
   return tried;
 }
 
-Forecast forecast_of(const Options& options) {
-  const bool ends_with_energy = options.objective == Objective::Energy || options.until == Until::Valid;
-  return Forecast({.goal = ends_with_energy                        ? Forecast::Goal::Energy
-                           : options.objective == Objective::Worst ? Forecast::Goal::Minimum
-                                                                   : Forecast::Goal::Loss,
-                   .only_sweeps = options.method == Method::Sweeps,
-                   .tolerance = options.tolerance,
-                   .time_limit = options.time_limit});
-}
-
 /// The control without what a single rank would learn alone, such as a request to stop, if several ranks share the run.
 /// Errors: BadOption if a time limit is asked for.
 Expected<RunControl> control_of_ranks(RunControl control, const Options& options) {
@@ -128,7 +118,7 @@ Expected<RunControl> control_of_ranks(RunControl control, const Options& options
 /// Optimises the mesh of the set-up, with splits if they were asked for. Says what is left.
 Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl control, StopToken& stop) {
   const Options& options = set_up.options;
-  Forecast forecast = forecast_of(options);
+  Forecast forecast(Forecast::rules_of(options));
   control.forecast = &forecast;
   const OnIteration on_iteration = [&](Iteration iteration) {
     iteration.seconds_left = forecast.seconds_left(iteration.seconds).value_or(-1);
