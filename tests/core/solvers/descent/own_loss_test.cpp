@@ -12,7 +12,7 @@
 namespace varimesh {
 namespace {
 
-/// By cell: its part of the local loss (docs/accuracy.md, "Lowering the loss"), [Σ_s κ^(2(P+1−s)) m_s²]^½.
+/// By cell: its part of the local loss (docs/descent.md, "What is minimised"), [Σ_s κ^(2(P+1−s)) m_s²]^½.
 std::vector<double> own_losses(const HighOrderMesh& mesh) {
   const CellAccuracy cells = cell_accuracy(mesh, 1);
   const double kappa = std::pow(double(cells.loss.size()), -1.0 / mesh.dimension);
