@@ -307,7 +307,8 @@ DescentContext Run::descent_context() {
           {},
           control_.meter,
           control_.device,
-          judge_.get()};
+          judge_.get(),
+          control_.ranks};
 }
 
 bool Run::begin_descent() {
