@@ -93,7 +93,7 @@ bool Descent::begin() {
   }
   start_from(std::move(kept));
   return start_loss_ > 0 && !stays_invalid_for_size() &&
-         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.merit.smallest, team_));
+         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.merit.smallest, team_, sharers()));
 }
 
 void Descent::start_from(State state) {
@@ -103,7 +103,7 @@ void Descent::start_from(State state) {
 }
 
 bool Descent::stays_invalid_for_size() const {
-  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.coordinates, team_);
+  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.coordinates, team_, sharers());
 }
 
 Descent::State Descent::kept_state() const {
@@ -124,7 +124,7 @@ Descent::State Descent::judged_kept_state() const {
     state.certificates = context_.guard.certificates();
     judge(coordinates, state);
   });
-  state.merit.loss = local_loss(context_.mesh, coordinates, team_);
+  state.merit.loss = local_loss(context_.mesh, coordinates, team_, sharers());
   state.merit.lower_than_it_came = lowers(state.merit, coordinates);
   return state;
 }
@@ -148,10 +148,10 @@ Descent::State Descent::state_as_it_came() const {
   state.coordinates = context_.mesh.coordinates;
   state.certificates.resize(context_.certifier.cells());
   team_.run([&] {
-    context_.certifier.certify(state.coordinates, state.certificates, team_);
+    context_.certifier.certify(state.coordinates, state.certificates, team_, sharers());
     judge(state.coordinates, state);
   });
-  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
+  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_, sharers());
   return state;
 }
 

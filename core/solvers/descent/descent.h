@@ -179,6 +179,7 @@ class Descent {
   bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
   void set_weights();
   void minimise(DescentRound& round);
+  const Ranks& sharers() const { return context_.ranks != nullptr ? *context_.ranks : one_rank(); }
   const ProblemPart* part() const { return part_ ? &*part_ : nullptr; }
   /// With ranks: gets what the others know after a step.
   void gather_parts();
