@@ -15,6 +15,7 @@
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
 #include "client/report/report.h"
+#include "core/base/sha256.h"
 #include "core/base/team.h"
 #include "core/base/version.h"
 #include "core/command_line/facts.h"
@@ -27,16 +28,6 @@ namespace varimesh::client {
 namespace {
 
 using google::protobuf::util::TimeUtil;
-
-/// Whether this program can read files of the format. Unspecified: a file that is recognised by its content.
-bool readable(v1::MeshFormat format) {
-  if (format == v1::MESH_FORMAT_UNSPECIFIED) return true;
-  const auto infos = formats::all();
-  const auto info = std::find_if(infos.begin(), infos.end(),
-                                 [name = spelled(format)](const auto& each) { return each.name == name; });
-  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS;
-  return info != infos.end() && info->readable && (!hdf5 || formats::has_hdf5());
-}
 
 /// Whether a mesh is in messages, from a program that has it in arrays. Only the service reads these.
 bool is_parts(v1::MeshFormat format) { return format == v1::MESH_FORMAT_PARTS; }
@@ -201,6 +192,12 @@ std::string time_text(const google::protobuf::Timestamp& time) {
   return time.seconds() == 0 ? "–" : TimeUtil::ToString(TimeUtil::SecondsToTimestamp(time.seconds()));
 }
 
+/// Adds what came of layers, one line each.
+void add_layers_text(const v1::LayersReport& layers, Report& report) {
+  std::istringstream lines(layers_text(layers));
+  for (std::string line; std::getline(lines, line);) report.document["layers_text"].push_back(line);
+}
+
 Marks marks_of(const v1::Metrics& metrics) {
   Marks marks;
   for (const auto& [snapshot, quality] : {std::pair{0U, &metrics.before()}, std::pair{1U, &metrics.after()}})
@@ -225,6 +222,21 @@ BoundaryDistanceArrays distances_of(const v1::GeometryReport& geometry) {
   return arrays;
 }
 
+/// What the page says of a run, without its meshes and where these come from.
+Report report_of(const v1::Metrics& metrics, const v1::Options& options, const std::vector<v1::Iteration>& history) {
+  Report report;
+  report.document = document(metrics);
+  for (const std::string& text : {done_text(metrics), objective_text(metrics, options), worse_text(metrics)})
+    if (!text.empty()) report.document["aims"].push_back(text);
+  if (metrics.layers().has_thick()) add_layers_text(metrics.layers(), report);
+  for (const auto& [snapshot, quality] : {std::pair{"before", &metrics.before()}, std::pair{"after", &metrics.after()}})
+    report.histograms[snapshot] = std::vector<std::int64_t>(quality->histogram().begin(), quality->histogram().end());
+  report.history = history_document(history);
+  report.options = options_document(options);
+  report.marks = marks_of(metrics);
+  return report;
+}
+
 /// Where the result comes from: [[name, text], …].
 Json origin_document(const v1::Job& job, const std::string& input, const std::string& server_version) {
   Json origin = Json::array();
@@ -240,16 +252,19 @@ Json origin_document(const v1::Job& job, const std::string& input, const std::st
   return origin;
 }
 
-/// Adds what came of layers, one line each.
-void add_layers_text(const v1::LayersReport& layers, Report& report) {
-  std::istringstream lines(layers_text(layers));
-  for (std::string line; std::getline(lines, line);) report.document["layers_text"].push_back(line);
-}
-
 /// The last part of the path, by which a reader knows the mesh.
 std::string title_of(const std::string& input) { return std::filesystem::path(input).filename().string(); }
 
 }  // namespace
+
+bool readable(v1::MeshFormat format) {
+  if (format == v1::MESH_FORMAT_UNSPECIFIED) return true;
+  const auto infos = formats::all();
+  const auto info = std::find_if(infos.begin(), infos.end(),
+                                 [name = spelled(format)](const auto& each) { return each.name == name; });
+  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS;
+  return info != infos.end() && info->readable && (!hdf5 || formats::has_hdf5());
+}
 
 std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> formats, const std::string& report) {
   if (!report.empty() && std::none_of(formats.begin(), formats.end(), readable))
@@ -258,24 +273,13 @@ std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> form
 }
 
 Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path) {
-  Report report;
-  report.title = input.empty() ? job.name() : title_of(input);
-  report.document = document(job.metrics());
-  for (const std::string& text :
-       {done_text(job.metrics()), objective_text(job.metrics(), job.spec().options()), worse_text(job.metrics())})
-    if (!text.empty()) report.document["aims"].push_back(text);
-  if (job.metrics().layers().has_thick()) add_layers_text(job.metrics().layers(), report);
-  for (const auto& [snapshot, quality] :
-       {std::pair{"before", &job.metrics().before()}, std::pair{"after", &job.metrics().after()}})
-    report.histograms[snapshot] = std::vector<std::int64_t>(quality->histogram().begin(), quality->histogram().end());
   const auto result = client->result(job.name());
   if (!result) return tl::unexpected(result.error());
-  report.history = history_document(result->history);
-  report.options = options_document(job.spec().options());
+  Report report = report_of(job.metrics(), job.spec().options(), result->history);
+  report.title = input.empty() ? job.name() : title_of(input);
   const auto server = client->info();
   if (!server) return tl::unexpected(server.error());
   report.origin = origin_document(job, input, server->version());
-  report.marks = marks_of(job.metrics());
   report.distances = distances_of(job.metrics().geometry());
   if (job.metrics().geometry().nodes() > 0)
     report.picture_note =
@@ -286,6 +290,22 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   if (const auto written = write_report(path, report); !written)
     return file_failure(written.error().sentence, "OUTPUT");
   return {};
+}
+
+Expected<void> write_run_report(const std::string& path, const std::string& input, const ReportedRun& run) {
+  Report report = report_of(run.metrics, run.options, run.history);
+  report.title = title_of(input);
+  report.origin.push_back({"mesh", input});
+  report.origin.push_back({"mesh, SHA-256", sha256(run.before)});
+  report.origin.push_back({"varimesh, the command", std::string(version())});
+  report.origin.push_back({"written", time_text(TimeUtil::GetCurrentTime())});
+  for (const auto& [bytes, mesh] : {std::pair{run.before, &report.before}, std::pair{run.after, &report.after}}) {
+    auto read = formats::read(bytes);
+    if (!read) return tl::unexpected(read.error());
+    *mesh = std::make_shared<const HighOrderMesh>(std::move(read->mesh));
+  }
+  show_in_its_plane(&report);
+  return write_report(path, report);
 }
 
 Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/client.h"
@@ -22,6 +23,20 @@ std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> form
 /// @param input  the name of the mesh; empty: not known
 /// Failures: those of the client; File if the page cannot be written.
 Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path);
+
+/// Whether this program can read files of the format. Unspecified: a file that is recognised by its content.
+bool readable(v1::MeshFormat format);
+
+/// A run that this process has made without a service.
+struct ReportedRun {
+  const v1::Metrics& metrics;
+  const v1::Options& options;
+  const std::vector<v1::Iteration>& history;
+  std::string_view before, after;  ///< The bytes of the mesh and of the result, in formats that are readable().
+};
+
+/// Writes the page about a run to `path`. `input` is the name of the mesh. Errors: Output, BadInput.
+Expected<void> write_run_report(const std::string& path, const std::string& input, const ReportedRun& run);
 
 /// Writes the page about the quality of `mesh` to `path`. `input` is the name of the mesh. Errors: Output, BadInput.
 /// @param layers  what came of layers that were made; may be null

@@ -13,6 +13,7 @@
 #include "client/io/documents.h"
 #include "client/io/history.h"
 #include "client/io/outputs.h"
+#include "client/io/report_page.h"
 #include "client/io/summary.h"
 #include "client/library/input_file.h"
 #include "client/local/shared_run.h"
@@ -34,10 +35,7 @@ Expected<void> refuse(const std::string& what, const std::string& why) {
 Expected<void> check_flags(const OptimiseArguments& arguments) {
   const v1::Options& options = arguments.options;
   if (arguments.input.mesh == "-") return refuse("standard input", "only one process has it");
-  if (options.objective() != v1::OBJECTIVE_ENERGY)
-    return bad_option(
-        "varimesh-mpi shares only the work of '--objective energy' so far; 'varimesh optimise' has all objectives in "
-        "one process.");
+  if (options.objective() == v1::OBJECTIVE_WORST) return refuse("--objective worst", "its stages are not shared");
   if (!arguments.common.server.empty()) return refuse("--server", "the work is done by its own processes");
   if (arguments.input.slides()) return refuse("a geometry", "sliding is not shared");
   if (arguments.input.changes_mesh()) return refuse("flags that change the mesh", "this is not shared");
@@ -49,7 +47,6 @@ Expected<void> check_flags(const OptimiseArguments& arguments) {
   if (options.device() != v1::DEVICE_UNSPECIFIED && options.device() != v1::DEVICE_CPU)
     return refuse(options.device() == v1::DEVICE_GPU ? "--device gpu" : "--device auto", "processes share no device");
   if (!arguments.request_id.empty()) return refuse("--request-id", "there is no server to which it could be sent");
-  if (!arguments.report.empty()) return refuse("--report", "it is not written yet");
   return {};
 }
 
@@ -99,9 +96,10 @@ Expected<std::string> read_everywhere(const std::string& path, const Ranks& rank
 /// The outputs of the first rank.
 class Files {
  public:
-  /// `formats`: those of the outputs, each once.
-  Files(const std::vector<Output>& outputs, const std::vector<v1::MeshFormat>& formats)
-      : outputs_(outputs), formats_(formats) {}
+  /// `formats`: those of the outputs, each once, and perhaps one that only the report needs.
+  /// @param keeps  the first result in a format that can be read is kept in memory
+  Files(const std::vector<Output>& outputs, const std::vector<v1::MeshFormat>& formats, bool keeps)
+      : outputs_(outputs), formats_(formats), keeps_(keeps) {}
 
   /// Opens the files of the next of these formats.
   Sink open_next() {
@@ -116,12 +114,16 @@ class Files {
       }
       files.push_back(&files_.emplace_back(std::move(*file)));
     }
-    return [files](std::string_view bytes) {
+    const bool keeps = keeps_ && readable(format);
+    keeps_ = keeps_ && !keeps;
+    return [this, files, keeps](std::string_view bytes) {
+      if (keeps) kept_ += bytes;
       for (OutputFile* file : files)
         if (!file->write(bytes)) return false;
       return true;
     };
   }
+  const std::string& kept() const { return kept_; }
   /// Why a file could not be opened or written, if one could not. Errors: Output.
   Expected<void> check() {
     if (fault_) return tl::unexpected(*fault_);
@@ -139,19 +141,26 @@ class Files {
  private:
   const std::vector<Output>& outputs_;
   const std::vector<v1::MeshFormat>& formats_;
+  bool keeps_;
+  std::string kept_;
   std::size_t next_ = 0;
   std::deque<OutputFile> files_;
   std::optional<Error> fault_;
 };
 
-/// Prints what `varimesh optimise` prints, and returns the exit status.
-int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcome) {
-  if (!arguments.history.empty()) {
-    const std::vector<v1::Iteration> iterations(outcome.history.iterations().begin(),
-                                                outcome.history.iterations().end());
+/// Prints what `varimesh optimise` prints, and returns the exit status. `before`, `after`: the mesh and the result, for
+/// the report.
+int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcome, const std::string& before,
+                 const std::string& after) {
+  const std::vector<v1::Iteration> iterations(outcome.history.iterations().begin(), outcome.history.iterations().end());
+  if (!arguments.history.empty())
     if (const auto written = write_history(arguments.history, iterations); !written)
       return print_error(written.error());
-  }
+  if (!arguments.report.empty())
+    if (const auto written = write_run_report(arguments.report, arguments.input.mesh,
+                                              {outcome.metrics, arguments.options, iterations, before, after});
+        !written)
+      return print_error(written.error());
   if (arguments.common.json)
     print(document(outcome.metrics));
   else if (!arguments.common.quiet)
@@ -172,15 +181,21 @@ int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks) {
     auto checked = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
     if (!checked) return tl::unexpected(checked.error());
     outputs = std::move(*checked);
-    if (any_is_standard_output(outputs)) return refuse("standard output", "launchers mix what processes write to it");
-    return check_distinct(outputs, {arguments.history}, arguments.common.json);
+    std::vector<Output> written = outputs;
+    written.push_back({arguments.history});
+    written.push_back({arguments.report});
+    if (any_is_standard_output(written)) return refuse("standard output", "launchers mix what processes write to it");
+    return check_distinct(outputs, {arguments.history, arguments.report}, arguments.common.json);
   });
   if (!writable) return print_error(writable.error());
   auto bytes = read_everywhere(arguments.input.mesh, ranks);
   if (!bytes) return print_error(bytes.error());
   // All ranks know the formats, so that a mesh that one cannot hold is refused by all.
-  const std::vector<v1::MeshFormat> formats = ranks.gather_everywhere(formats_of(outputs));
-  Files files(outputs, formats);
+  const std::vector<v1::MeshFormat> formats = ranks.gather_everywhere(
+      ranks.is_first() ? formats_with_report(formats_of(outputs), arguments.report) : std::vector<v1::MeshFormat>());
+  const bool reports = ranks.is_first() && !arguments.report.empty();
+  Files files(outputs, formats, reports);
+  const std::string before = reports ? *bytes : std::string();
   SharedRun run;
   run.mesh = std::move(*bytes);
   run.options = arguments.options;
@@ -193,7 +208,7 @@ int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks) {
   if (!outcome) return print_error(outcome.error());
   if (!ranks.is_first()) return kDone;
   if (const auto written = files.commit(); !written) return print_error(written.error());
-  return print_result(arguments, *outcome);
+  return print_result(arguments, *outcome, before, files.kept());
 }
 
 }  // namespace varimesh::client

@@ -74,7 +74,9 @@ Run::Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& contr
       judge_(make_judge(control.device, set_up.mesh.dimension)),
       certifier_(make_certifier(set_up.mesh, judge_.get(), team_)),
       certificates_(certifier_->cells()),
-      grace_(team_, stop, certifier_->cells()) {}
+      grace_(team_, stop, certifier_->cells()) {
+  if (control.ranks != nullptr) of_ranks_.emplace(*control.ranks);
+}
 
 Result Run::go() {
   if (control_.checkpoint.empty()) grace_.watch();
@@ -127,7 +129,7 @@ void Run::judge_as_it_came() {
 }
 
 QualityReport Run::judge(const HighOrderMesh& mesh) {
-  QualityReport report = report_quality(mesh, *certifier_, certificates_, team_, grace_, judge_.get());
+  QualityReport report = report_quality(mesh, *certifier_, certificates_, team_, grace_, samples());
   if (set_up_.layers.cells > 0)
     grace_.finish([&] { report.in_layers = layer_error(mesh, set_up_.facets, team_); }, [] {});
   return report;
@@ -135,7 +137,7 @@ QualityReport Run::judge(const HighOrderMesh& mesh) {
 
 void Run::prove() {
   team_.run([&] {
-    certifier_->certify(set_up_.mesh.coordinates, certificates_, team_);
+    certifier_->certify(set_up_.mesh.coordinates, certificates_, team_, sharers());
     if (!are_valid(certificates_)) result_.unrepairable = diagnose(set_up_.mesh, set_up_.fixed, team_);
   });
 }
@@ -214,7 +216,7 @@ void Run::raise_low() {
   if (outcome.interrupted) grace_.say_stopped(result_);
   if (made_valid.empty() && outcome.raised.empty()) return;
   const auto loss_at = [&](const std::vector<double>& at) {
-    return Merit{.loss = local_loss(set_up_.mesh, at, team_.without_stop())};
+    return Merit{.loss = local_loss(set_up_.mesh, at, team_.without_stop(), sharers())};
   };
   if (came_valid() && !keeps_loss(loss_at(result_.mesh.coordinates), loss_at(set_up_.mesh.coordinates))) {
     result_.mesh.coordinates = coordinates;
@@ -307,7 +309,8 @@ DescentContext Run::descent_context() {
           {},
           control_.meter,
           control_.device,
-          judge_.get()};
+          samples(),
+          control_.ranks};
 }
 
 bool Run::begin_descent() {
@@ -382,7 +385,7 @@ bool Run::descends_again(bool& last) {
   team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
   choose_targets(set_up_, *certifier_, frame_, team_);
   team_.run([&] {
-    guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, most_accurate_.certificates, team_);
+    guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, most_accurate_.certificates, team_, sharers());
     DescentContext context = descent_context();
     context.factors = std::move(factors);
     descent_.emplace(context);

@@ -18,6 +18,7 @@
 #include "core/optimise/run_control.h"
 #include "core/optimise/set_up.h"
 #include "core/optimise/stage_run.h"
+#include "core/quality/sample_cells.h"
 #include "core/solvers/descent/descent.h"
 #include "core/solvers/guard/best_mesh.h"
 #include "core/solvers/guard/guard.h"
@@ -52,6 +53,12 @@ class Run {
     return set_up_.summary.free_nodes == 0 || (!set_up_.stages.empty() && set_up_.problem.free.empty());
   }
   bool is_for_accuracy() const { return options_.objective == Objective::Accuracy; }
+  /// All ranks of the run; one without ranks.
+  const Ranks& sharers() const { return control_.ranks != nullptr ? *control_.ranks : one_rank(); }
+  /// Samples cells elsewhere than in this process alone; null: nothing does.
+  detail::SamplesElsewhere* samples() {
+    return of_ranks_ ? static_cast<detail::SamplesElsewhere*>(&*of_ranks_) : judge_.get();
+  }
   /// Why nothing was moved, though the run was not stopped; empty if something may have been moved.
   std::string why_unmoved();
   /// If no node may move, the run has converged.
@@ -140,7 +147,8 @@ class Run {
   RunControl control_;
   Stopwatch watch_;  ///< Since the run began, set-up included.
   Team team_;
-  std::unique_ptr<JudgeOnDevice> judge_;  ///< Null: the run began without a device.
+  std::unique_ptr<JudgeOnDevice> judge_;            ///< Null: the run began without a device.
+  std::optional<detail::SamplesOfRanks> of_ranks_;  ///< With ranks.
   std::unique_ptr<const Certifier> certifier_;
   std::vector<Certificate> certificates_;  ///< Of the mesh as it came, and after the stages of the result's mesh.
   Grace grace_;

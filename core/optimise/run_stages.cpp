@@ -52,7 +52,7 @@ void Run::place_problem() {
 }
 
 void Run::set_up_stage() {
-  guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, certificates_, team_);
+  guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, certificates_, team_, sharers());
   if (options_.repair != Repair::None) guard_->set_unrepairable(result_.unrepairable);
   best_.emplace(*certifier_);
   stage_run_.emplace(context(), watch_);
@@ -200,7 +200,7 @@ double Run::consider() {
     bound = best_->examine(*guard_, threshold::kGapOfWorst, team_);
   });
   if (best_->examined_is_better() &&
-      scaled_jacobians(set_up_.mesh, best_->examined(), team_, judge_.get()).mean >= best_->least_mean)
+      scaled_jacobians(set_up_.mesh, best_->examined(), team_, samples()).mean >= best_->least_mean)
     best_->keep_examined();
   return bound;
 }
@@ -221,7 +221,7 @@ bool Run::has_minimum_to_raise() {
   });
   if (!best_->examined_is_valid()) return false;
   best_->least_mean =
-      scaled_jacobians(set_up_.mesh, best_->examined(), team_, judge_.get()).mean - threshold::kMeanGivenForWorst;
+      scaled_jacobians(set_up_.mesh, best_->examined(), team_, samples()).mean - threshold::kMeanGivenForWorst;
   best_->keep_examined();
   return true;
 }
@@ -354,7 +354,7 @@ void Run::take_mesh() {
   team_.run([&] { result_.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
   if (!takes_best) return;
   const auto certify = [&](const Team& team) {
-    team.run([&] { certifier_->certify(result_.mesh.coordinates, certificates_, team); });
+    team.run([&] { certifier_->certify(result_.mesh.coordinates, certificates_, team, sharers()); });
   };
   grace_.finish([&] { certify(team_); },
                 [&] {

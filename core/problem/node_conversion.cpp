@@ -16,6 +16,8 @@ using reference::NodePlace;
 using reference::NodeSet;
 
 constexpr std::int32_t kCellsPerTask = 256;
+/// Few cells are converted sooner than their coordinates go from rank to rank.
+constexpr std::size_t kFewestToShare = 256;
 constexpr std::size_t kNodesPerTask = 16384;
 constexpr double kRounding = 1e-13;  // entries that should be 0 or 1 differ from it by less
 
@@ -176,8 +178,30 @@ void NodeConversion::update_cell(const double* after, std::int32_t number, doubl
   }
 }
 
+template <class Use>
+void NodeConversion::for_owned(std::span<const std::int32_t> cells, const Use& use) const {
+  for (const std::int32_t cell : cells)
+    for (std::int32_t o = owned_begin_[cell]; o < owned_begin_[cell + 1]; ++o) {
+      const std::size_t first = 3 * static_cast<std::size_t>(cells_[cell].nodes[owned_[o]]);
+      for (int k = 0; k < mesh_.dimension; ++k) use(first + k);
+    }
+}
+
 void NodeConversion::update(std::span<const double> after, std::span<const std::int32_t> cells,
-                            std::span<double> coordinates, const Team& team) const {
+                            std::span<double> coordinates, const Team& team, const Ranks& ranks) const {
+  if (ranks.count() == 1 || cells.size() < kFewestToShare) return update_here(after, cells, coordinates, team);
+  const auto [begin, end] = share_of(cells.size(), ranks);
+  const std::span<const std::int32_t> mine = cells.subspan(begin, end - begin);
+  update_here(after, mine, coordinates, team);
+  std::vector<double> numbers;
+  for_owned(mine, [&](std::size_t number) { numbers.push_back(coordinates[number]); });
+  numbers = ranks.gather_everywhere(numbers);
+  auto next = numbers.begin();
+  for_owned(cells, [&](std::size_t number) { coordinates[number] = *next++; });
+}
+
+void NodeConversion::update_here(std::span<const double> after, std::span<const std::int32_t> cells,
+                                 std::span<double> coordinates, const Team& team) const {
   team.for_each(static_cast<std::int32_t>(cells.size()), kCellsPerTask, [&](std::int32_t i) {
     if (mesh_.dimension == 2)
       update_cell<2>(after.data(), cells[i], coordinates.data());

@@ -12,6 +12,7 @@
 #include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/problem/problem.h"
+#include "core/ranks/ranks.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh {
@@ -60,8 +61,10 @@ class NodeConversion {
   /// Sets `coordinates` (3 per node, as HighOrderMesh::coordinates) for optimised nodes at `after`. The first cell of a
   /// node sets its coordinates, so pass every cell that has a node which has moved. `cells`: numbers in the mesh's
   /// order.
+  /// @param ranks  all of them have the same mesh, positions and cells, and call it together. Each converts a share of
+  /// the cells, and all get all coordinates
   void update(std::span<const double> after, std::span<const std::int32_t> cells, std::span<double> coordinates,
-              const Team& team) const;
+              const Team& team, const Ranks& ranks = one_rank()) const;
 
  private:
   struct Cell {
@@ -69,6 +72,11 @@ class NodeConversion {
     const ConversionRows* rows;
   };
 
+  void update_here(std::span<const double> after, std::span<const std::int32_t> cells, std::span<double> coordinates,
+                   const Team& team) const;
+  /// Calls use(number) for each of the coordinates that these cells set, by its place among all coordinates.
+  template <class Use>
+  void for_owned(std::span<const std::int32_t> cells, const Use& use) const;
   template <std::size_t d>
   void update_cell(const double* after, std::int32_t number, double* coordinates) const;
 

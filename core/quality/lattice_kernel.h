@@ -10,6 +10,7 @@
 #include "core/base/index.h"
 #include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/ranks/ranks.h"
 #include "core/reference/basis.h"
 
 namespace varimesh::detail {
@@ -97,6 +98,8 @@ class SamplesElsewhere {
   /// of the mesh. Returns false if it cannot: the processor then has to. The team's token may interrupt it.
   virtual bool sample(const HighOrderMesh& mesh, std::span<const double> coordinates, int intervals, const Team& team,
                       std::vector<Extremes>& cells) = 0;
+  /// Ranks that all have the mesh and share the other work on its cells, if there are any.
+  virtual const Ranks& sharers() const { return one_rank(); }
 };
 
 }  // namespace varimesh::detail

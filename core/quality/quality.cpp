@@ -10,6 +10,7 @@
 #include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
+#include "core/quality/sample_cells.h"
 #include "core/quality/surface.h"
 #include "core/reference/basis.h"
 #include "core/validity/cell_batches.h"
@@ -25,7 +26,7 @@ using detail::LatticeTable;
 // Samples
 // ---------------------------------------------------------------------------------------------------------------------
 
-constexpr std::size_t kBatchesPerTask = 8, kCellsPerTask = 4096;
+constexpr std::size_t kCellsPerTask = 4096;
 constexpr int kQuickIntervals = 2;
 
 /// min / max; −1 if the value is nowhere positive.
@@ -55,25 +56,6 @@ const LatticeTable& table_of(const ElementBlock& block, int intervals, int dimen
   return detail::lattice_table(block.shape, block.order, intervals, dimension);
 }
 
-/// Samples batches of one table: all of them in one range of points, then in the next.
-void sample_batches(std::span<const double> coordinates, const LatticeTable& table, std::span<const CellBatch> batches,
-                    const Team& team, std::vector<Extremes>& cells) {
-  thread_local std::vector<double> workspace;
-  std::array<const std::int32_t*, detail::kMostLatticeLanes> nodes{};
-  std::array<detail::LatticeProgress, kBatchesPerTask> progress;
-  detail::LatticeRows made;
-  for (std::size_t range = 0; range < table.ranges(); ++range) {
-    const detail::LatticeRows& rows = table.rows(range, made);
-    for (std::size_t b = 0; b < batches.size(); ++b) {
-      team.look();
-      for (std::size_t i = 0; i < batches[b].count; ++i) nodes[i] = batches[b].nodes(i);
-      detail::sample_rows(table, rows, {coordinates.data(), nodes.data(), batches[b].count}, workspace, progress[b]);
-    }
-  }
-  for (std::size_t b = 0; b < batches.size(); ++b)
-    detail::finish_samples(table, progress[b], batches[b].count, &cells[batches[b].cell]);
-}
-
 /// @param coordinates of the nodes, as HighOrderMesh::coordinates
 /// @param elsewhere   samples the cells if it can; may be null
 Samples sample(const HighOrderMesh& mesh, std::span<const double> coordinates, int intervals, const Team& team,
@@ -82,20 +64,11 @@ Samples sample(const HighOrderMesh& mesh, std::span<const double> coordinates, i
   Samples samples;
   samples.intervals = intervals > 0 ? intervals : report_intervals(mesh.order);
   samples.cells.resize(mesh.element_count(mesh.dimension));
-  const std::size_t lanes = detail::lattice_lanes();
-  samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
+  samples.batches = detail::batches_to_sample(mesh);
   team.run([&] {
     const bool is_done =
         elsewhere != nullptr && elsewhere->sample(mesh, coordinates, samples.intervals, team, samples.cells);
-    const std::size_t left = is_done ? 0 : samples.batches.size();
-    team.for_ranges(left, kBatchesPerTask, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t last = begin; begin != end; begin = last) {
-        const ElementBlock& block = *samples.batches[begin].block;
-        while (last != end && last - begin < kBatchesPerTask && samples.batches[last].block == &block) ++last;
-        sample_batches(coordinates, table_of(block, samples.intervals, mesh.dimension),
-                       std::span(samples.batches).subspan(begin, last - begin), team, samples.cells);
-      }
-    });
+    if (!is_done) detail::sample_cells(mesh, coordinates, samples.intervals, samples.batches, team, samples.cells);
     samples.sign = orientation(samples.cells, team, ranks);
   });
   return samples;
@@ -315,7 +288,8 @@ QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std
   const Samples samples = sample(mesh, mesh.coordinates, intervals, team, ranks, elsewhere);
   QualityReport report;
   team.run([&] { report = report_on(mesh, samples, certificates, team, ranks); });
-  report.accuracy = accuracy(mesh, team, ranks);
+  report.accuracy =
+      accuracy(mesh, mesh.coordinates, team, ranks, elsewhere != nullptr ? elsewhere->sharers() : one_rank());
   // Each rank sharpens its own minimum, and the least of these is that of the mesh.
   team.run([&] {
     report.certified = whole(certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team), ranks);

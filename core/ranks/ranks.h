@@ -163,4 +163,16 @@ class Ranks {
 /// One rank, which is alone and costs nothing.
 const Ranks& one_rank();
 
+/// A rank's share of `count` items that all ranks have: those from `begin` to before `end`. The shares follow one
+/// another by rank.
+struct RankShare {
+  std::size_t begin = 0, end = 0;
+};
+inline RankShare share_of(std::size_t count, const Ranks& ranks) {
+  const auto begin_of = [&](int rank) {
+    return count * static_cast<std::size_t>(rank) / static_cast<std::size_t>(ranks.count());
+  };
+  return {begin_of(ranks.rank()), begin_of(ranks.rank() + 1)};
+}
+
 }  // namespace varimesh

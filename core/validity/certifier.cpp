@@ -25,6 +25,8 @@ constexpr std::size_t kCellsPerTask = 16384;
 constexpr std::size_t kCellsPerChunk = 1024;  // that are searched for the lowest
 /// Cells are measured elsewhere if they are at least one in this many: the coordinates of all nodes go there first.
 constexpr std::size_t kShareElsewhere = 8;
+/// A few cells are certified sooner than their certificates go from rank to rank.
+constexpr std::size_t kFewestToShare = 256;
 
 /// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
 double power_of_two_scale(const BoundingBox& box) {
@@ -180,7 +182,19 @@ std::vector<char> Certifier::sound_with_straight_sides(std::span<const double> c
 }
 
 void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                        std::span<Certificate> certificates, const Team& team) const {
+                        std::span<Certificate> certificates, const Team& team, const Ranks& ranks) const {
+  if (ranks.count() == 1 || cells.size() < kFewestToShare) return certify_here(coordinates, cells, certificates, team);
+  const auto [begin, end] = share_of(cells.size(), ranks);
+  const std::span<const std::int32_t> mine = cells.subspan(begin, end - begin);
+  certify_here(coordinates, mine, certificates, team);
+  std::vector<Certificate> found;
+  for (const std::int32_t cell : mine) found.push_back(certificates[at(cell)]);
+  found = ranks.gather_everywhere(found);
+  for (std::size_t i = 0; i < cells.size(); ++i) certificates[at(cells[i])] = found[i];
+}
+
+void Certifier::certify_here(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                             std::span<Certificate> certificates, const Team& team) const {
   assert(certificates.size() == cells_.size());
   std::vector<std::int32_t> left;
   if (elsewhere_ != nullptr && cells.size() >= cells_.size() / kShareElsewhere) {
@@ -226,9 +240,9 @@ std::vector<std::int32_t> Certifier::certify_elsewhere(std::span<const double> c
   return left;
 }
 
-void Certifier::certify(std::span<const double> coordinates, std::span<Certificate> certificates,
-                        const Team& team) const {
-  certify(coordinates, all_, certificates, team);
+void Certifier::certify(std::span<const double> coordinates, std::span<Certificate> certificates, const Team& team,
+                        const Ranks& ranks) const {
+  certify(coordinates, all_, certificates, team, ranks);
 }
 
 CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,

@@ -9,6 +9,7 @@
 #include "core/base/team.h"
 #include "core/mesh/bounding_box.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/ranks/ranks.h"
 #include "core/validity/certificate.h"
 
 namespace varimesh {
@@ -51,11 +52,14 @@ class Certifier {
   /// (x y z of each node of the mesh, interleaved). `certificates` has cells() entries. Call it inside team.run(); the
   /// result does not depend on the number of threads. If the team's token interrupts it, each entry is either as it was
   /// or the new certificate.
-  void certify(std::span<const double> coordinates, std::span<Certificate> certificates, const Team& team) const;
+  /// @param ranks  all of them have the whole mesh and call it together. Each certifies a share of the cells, and all
+  /// get all certificates
+  void certify(std::span<const double> coordinates, std::span<Certificate> certificates, const Team& team,
+               const Ranks& ranks = one_rank()) const;
 
   /// Certifies only the cells with these numbers (from 0) and keeps the other entries of `certificates`.
   void certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-               std::span<Certificate> certificates, const Team& team) const;
+               std::span<Certificate> certificates, const Team& team, const Ranks& ranks = one_rank()) const;
 
   /// Whether the straight-sided form of each cell is sound: J of the map of order 1 on the cell's vertices is proved
   /// positive in the whole reference cell, by the same method. 1 or 0 per cell. Positive values at the corners would
@@ -82,6 +86,8 @@ class Certifier {
                            const StopToken* stop, const Visit& visit) const;
   void certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                              std::span<Certificate> certificates, const StopToken* stop) const;
+  void certify_here(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                    std::span<Certificate> certificates, const Team& team) const;
   std::vector<std::int32_t> certify_elsewhere(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                                               std::span<Certificate> certificates, const Team& team) const;
 

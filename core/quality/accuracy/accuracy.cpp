@@ -90,26 +90,44 @@ double loss(const double* parts, std::size_t count, double volume, double total,
   return volume > 0 ? std::sqrt(sum) : std::numeric_limits<double>::infinity();
 }
 
+/// Gives all ranks what each has measured of its share of the batches.
+void gather_shares(const std::vector<CellBatch>& batches, RankShare mine, const Ranks& sharers, CellAccuracy& found) {
+  const auto cell_of = [&](std::size_t batch) {
+    return batch < batches.size() ? batches[batch].cell : found.volumes.size();
+  };
+  const auto gather = [&](std::vector<double>& numbers, std::size_t width) {
+    const auto at = [&](std::size_t batch) {
+      return numbers.begin() + static_cast<std::ptrdiff_t>(cell_of(batch) * width);
+    };
+    numbers = sharers.gather_everywhere(std::vector<double>(at(mine.begin), at(mine.end)));
+  };
+  gather(found.modal_parts, found.parts);
+  gather(found.volumes, 1);
+}
+
 /// The parts and volumes of the cells of a mesh with its nodes at `coordinates`, without their losses. Call it inside
 /// team.run().
-CellAccuracy measure_parts(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
+CellAccuracy measure_parts(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                           const Ranks& sharers) {
   const std::size_t cells = mesh.element_count(mesh.dimension);
   CellAccuracy found;
   found.parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
   found.modal_parts.resize(cells * found.parts);
   found.volumes.resize(cells);
   const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kAccuracyBatch; });
-  team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t batch = begin; batch < end; ++batch)
+  const RankShare mine = share_of(batches.size(), sharers);
+  team.for_ranges(mine.end - mine.begin, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t batch = mine.begin + begin; batch < mine.begin + end; ++batch)
       measure_cells(coordinates, mesh.dimension, batches[batch], team.stop(), found);
   });
+  if (sharers.count() > 1) gather_shares(batches, mine, sharers, found);
   return found;
 }
 
 /// cell_accuracy() of a mesh with its nodes at `coordinates`. Call it inside team.run().
 CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
-                     const Ranks& ranks = one_rank()) {
-  CellAccuracy found = measure_parts(mesh, coordinates, team);
+                     const Ranks& ranks = one_rank(), const Ranks& sharers = one_rank()) {
+  CellAccuracy found = measure_parts(mesh, coordinates, team, sharers);
   const std::size_t cells = found.volumes.size();
   found.loss.resize(cells);
   const double total =
@@ -164,9 +182,9 @@ VolumeSums volume_sums(const CellAccuracy& cells, const Team& team) {
 
 }  // namespace
 
-CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
+CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team, const Ranks& sharers) {
   CellAccuracy cells;
-  team.run([&] { cells = measure(mesh, mesh.coordinates, team); });
+  team.run([&] { cells = measure(mesh, mesh.coordinates, team, one_rank(), sharers); });
   return cells;
 }
 
@@ -174,11 +192,11 @@ Accuracy accuracy(const HighOrderMesh& mesh, const Team& team, const Ranks& rank
   return accuracy(mesh, mesh.coordinates, team, ranks);
 }
 
-Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
-                  const Ranks& ranks) {
+Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team, const Ranks& ranks,
+                  const Ranks& sharers) {
   const std::size_t parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
   VolumeSums all(parts);
-  team.run([&] { all = volume_sums(measure(mesh, coordinates, team, ranks), team); });
+  team.run([&] { all = volume_sums(measure(mesh, coordinates, team, ranks, sharers), team); });
   ranks.sum(all.sums);
   const std::int64_t collapsed = ranks.sum(all.collapsed);
   const double total = all.sums[0].value();
@@ -198,11 +216,12 @@ double local_wave(const HighOrderMesh& mesh) {
   return std::pow(cells, -1.0 / mesh.dimension);
 }
 
-double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
+double local_loss(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                  const Ranks& sharers) {
   const double wave = local_wave(mesh);
   double mean = 0;
   team.run([&] {
-    const CellAccuracy cells = measure_parts(mesh, coordinates, team);
+    const CellAccuracy cells = measure_parts(mesh, coordinates, team, sharers);
     const auto square_of = [&](std::size_t cell) {
       double square = 0, weight = 1;
       for (std::size_t part = cells.parts; part-- > 0;) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/index.h"
 #include "core/base/reduction.h"
 #include "core/base/shared_work.h"
 #include "core/kernels/p_norm.h"
@@ -50,14 +51,17 @@ Descent::Descent(const DescentContext& context)
     : context_(context),
       problem_(context.problem),
       team_(context.team),
-      from_(free_positions(problem_, problem_.positions, team_)),
-      space_(own_space(problem_, team_)),
-      barrier_(problem_, context.kernels, context.hessian, PNorm{}, team_),
-      form_(problem_, space_, local_wave(context.mesh), team_, barrier_.room()),
-      levels_(problem_, space_, team_),
-      objective_(problem_, barrier_, form_, levels_, context.material, team_),
+      part_(context.ranks != nullptr ? std::optional(part_of(problem_, *context.ranks)) : std::nullopt),
+      scans_(part_ ? at(problem_.cells) : 0),
+      own_(part_ ? part_->problem : problem_),
+      from_(free_positions(own_, own_.positions, team_)),
+      space_(own_space(own_, team_, part())),
+      barrier_(own_, context.kernels, context.hessian, PNorm{}, team_, part_ ? &part_->share : nullptr),
+      form_(own_, space_, local_wave(context.mesh), team_, barrier_.room(), part()),
+      levels_(own_, space_, team_, part()),
+      objective_(own_, barrier_, form_, levels_, context.material, team_, part()),
       factors_(context.factors.empty() ? std::vector<double>(problem_.cells, 1.0) : context.factors),
-      weights_(problem_.cells),
+      weights_(own_.cells),
       lost_(problem_.cells, 0),
       uncertified_(problem_.cells, 0),
       asked_(context.asked),
@@ -89,7 +93,7 @@ bool Descent::begin() {
   }
   start_from(std::move(kept));
   return start_loss_ > 0 && !stays_invalid_for_size() &&
-         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.merit.smallest, team_));
+         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.merit.smallest, team_, sharers()));
 }
 
 void Descent::start_from(State state) {
@@ -99,7 +103,7 @@ void Descent::start_from(State state) {
 }
 
 bool Descent::stays_invalid_for_size() const {
-  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.coordinates, team_);
+  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.coordinates, team_, sharers());
 }
 
 Descent::State Descent::kept_state() const {
@@ -120,7 +124,7 @@ Descent::State Descent::judged_kept_state() const {
     state.certificates = context_.guard.certificates();
     judge(coordinates, state);
   });
-  state.merit.loss = local_loss(context_.mesh, coordinates, team_);
+  state.merit.loss = local_loss(context_.mesh, coordinates, team_, sharers());
   state.merit.lower_than_it_came = lowers(state.merit, coordinates);
   return state;
 }
@@ -144,10 +148,10 @@ Descent::State Descent::state_as_it_came() const {
   state.coordinates = context_.mesh.coordinates;
   state.certificates.resize(context_.certifier.cells());
   team_.run([&] {
-    context_.certifier.certify(state.coordinates, state.certificates, team_);
+    context_.certifier.certify(state.coordinates, state.certificates, team_, sharers());
     judge(state.coordinates, state);
   });
-  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_);
+  state.merit.loss = local_loss(context_.mesh, state.coordinates, team_, sharers());
   return state;
 }
 
@@ -158,20 +162,39 @@ void Descent::judge(std::span<const double> coordinates, State& state) const {
   state.merit.smallest = proved.smallest;
 }
 
+void Descent::gather_parts() {
+  if (!part_) return;
+  gather_positions(*part_, problem_.positions);
+  gather_cells<CellScan>(*part_, barrier_.scans(), scans_);
+}
+
+std::vector<double> Descent::squared_losses() const {
+  const std::span<const double> own = form_.squared_losses();
+  if (!part_) return {own.begin(), own.end()};
+  std::vector<double> all(at(problem_.cells));
+  gather_cells<double>(*part_, own, all);
+  return all;
+}
+
 void Descent::set_weights() {
   const Material& m = context_.material;
   const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
   objective_.form();
-  const std::vector<double> around = loss_around(problem_, form_.squared_losses(), team_);
-  std::vector<double> stiff(weights_.size()), hold(weights_.size());
-  for (const CellSet& set : problem_.sets)
-    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t i) {
-      const std::size_t cell = static_cast<std::size_t>(set.first) + i;
-      const double share = caution_ * kWeight * around[cell], weight = share * factors_[cell];
-      const double size = problem_.cell_size[cell];
-      weights_[cell] = weight / cell_measure(set, i);
-      stiff[cell] = stiffness * weight;
-      hold[cell] = kHold * share / (size * size);  // what raises a cell must be able to move its vertices
+  const std::vector<double> around = loss_around(problem_, squared_losses(), team_);
+  const auto share_of = [&](std::size_t cell) { return caution_ * kWeight * around[cell]; };
+  std::vector<double> stiff(weights_.size()), hold(at(problem_.cells));
+  team_.for_each(problem_.cells, kCellsPerTask, [&](std::int32_t cell) {
+    const double size = problem_.cell_size[at(cell)];
+    hold[at(cell)] =
+        kHold * share_of(at(cell)) / (size * size);  // what raises a cell must be able to move its vertices
+  });
+  for (std::size_t s = 0; s < own_.sets.size(); ++s)
+    team_.for_each(own_.sets[s].count, kCellsPerTask, [&](std::int32_t i) {
+      const std::int32_t of_set = part_ ? part_->cells[s][at(i)] : i;
+      const std::size_t cell = at(problem_.sets[s].first + of_set), own = at(own_.sets[s].first + i);
+      const double weight = share_of(cell) * factors_[cell];
+      weights_[own] = weight / cell_measure(own_.sets[s], i);
+      stiff[own] = stiffness * weight;
     });
   levels_.take_diagonals(form_, stiff);
   objective_.hold_vertices(hold, from_);
@@ -193,7 +216,7 @@ void Descent::keep_certificates() {
 
 std::int64_t Descent::raise_low(double wanted, double margin, const std::vector<Certificate>& certificates) {
   std::int64_t low = 0;
-  const std::span<const CellScan> scans = barrier_.scans();
+  const std::span<const CellScan> scans = this->scans();
   for (const CellSet& set : problem_.sets)
     low += count_where(team_.without_stop(), static_cast<std::size_t>(set.count), kCellsPerTask, [&](std::size_t i) {
       const std::size_t cell = static_cast<std::size_t>(set.first) + i;
@@ -208,7 +231,7 @@ std::int64_t Descent::raise_low(double wanted, double margin, const std::vector<
 
 /// Sets what the scans of the last evaluation say.
 void Descent::note_scans(DescentRound& round) const {
-  const std::span<const CellScan> scans = barrier_.scans();
+  const std::span<const CellScan> scans = this->scans();
   const Reduction reduction(team_);
   double measure = 0;
   for (const CellSet& set : problem_.sets)
@@ -302,10 +325,12 @@ bool Descent::has_converged() const { return is_at_rest_ || (best_.merit.uncerti
 DescentRound Descent::round() {
   DescentRound round;
   team_.run([&] {
+    if (part_) part_->follow();
     form_.take_frames();
     objective_.forget_form();
     set_weights();
     minimise(round);
+    gather_parts();
     keep_certificates();
   });
   note_scans(round);

@@ -20,6 +20,7 @@
 #include "core/solvers/guard/guard.h"
 #include "core/solvers/newton_method.h"
 #include "core/terms/cell_energy.h"
+#include "core/terms/part/problem_part.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
@@ -55,6 +56,8 @@ struct DescentContext {
   device::RunDevice* device = nullptr;
   /// Samples cells (certified_quality.h); may be null.
   detail::SamplesElsewhere* samples = nullptr;
+  /// Share the steps, and have the same context otherwise; null: there are none. There is no device then, and no token.
+  const Ranks* ranks = nullptr;
 };
 
 /// What one round did.
@@ -94,6 +97,9 @@ struct DescentRound {
 ///
 /// The steps are made on the context's device, if it has one; all between two rounds is done on the processor. After a
 /// fault of the device the step is made once more on the processor, and so are all that follow.
+///
+/// With ranks, each of them has the whole problem and works on a part of it in a step. All call all functions together,
+/// and all have the same results, with the bits of a descent without ranks. All between two rounds is done by each.
 class Descent {
  public:
   /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
@@ -173,6 +179,14 @@ class Descent {
   bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
   void set_weights();
   void minimise(DescentRound& round);
+  const Ranks& sharers() const { return context_.ranks != nullptr ? *context_.ranks : one_rank(); }
+  const ProblemPart* part() const { return part_ ? &*part_ : nullptr; }
+  /// With ranks: gets what the others know after a step.
+  void gather_parts();
+  /// By CellSet::first + cell of the whole problem: the squared losses of the last ModalForm::gradient().
+  std::vector<double> squared_losses() const;
+  /// Of the barrier's last evaluation, by CellSet::first + cell of the whole problem.
+  std::span<const CellScan> scans() const { return part_ ? scans_ : barrier_.scans(); }
   /// Brings what a round begins with to the device, if there is one.
   void begin_on_device();
   /// One step of a method that minimises the objective on the device, if it is there, or the one on the processor.
@@ -202,7 +216,10 @@ class Descent {
   DescentContext context_;
   Problem& problem_;
   const Team& team_;
-  std::vector<double> from_;  ///< Where the free nodes were at the beginning.
+  std::optional<ProblemPart> part_;  ///< With ranks: what this one works on.
+  std::vector<CellScan> scans_;      ///< With ranks: see scans().
+  Problem& own_;                     ///< The problem of the part; without ranks, the whole one.
+  std::vector<double> from_;         ///< Where the free nodes of own_ were at the beginning.
   OrderSpace space_;
   CellEnergy barrier_;  ///< 1/N Σ_e ε_e/V_e ∫ W(F) dx
   ModalForm form_;      ///< In the room of barrier_.
@@ -212,7 +229,7 @@ class Descent {
   std::unique_ptr<DeviceLoss> on_device_;
   bool tries_device_ = true;       ///< The device has not been tried. It is tried once.
   std::vector<double> factors_;    ///< By cell: what ε_e has been raised by.
-  std::vector<double> weights_;    ///< By cell: ε_e/V_e.
+  std::vector<double> weights_;    ///< By cell of own_: ε_e/V_e.
   std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
   std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;

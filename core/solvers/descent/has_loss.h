@@ -35,15 +35,18 @@ inline double loss_by_size(const CellAccuracy& cells, double volume, const HighO
 
 /// Whether a mesh with its nodes at `coordinates`, which keeps invalid cells, is not worth a descent. A solver cannot
 /// use such a mesh as it is, so it is worth one only if the loss is not small beside what the size of the cells leaves.
-inline bool size_decides(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
-  const CellAccuracy cells = cell_accuracy(mesh, team);
+/// `sharers`: as in team_accuracy.h.
+inline bool size_decides(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
+                         const Ranks& sharers) {
+  const CellAccuracy cells = cell_accuracy(mesh, team, sharers);
   const double volume = volume_of(cells, team);
-  return accuracy(mesh, coordinates, team).loss <= threshold::kLittleLoss * loss_by_size(cells, volume, mesh, team);
+  return accuracy(mesh, coordinates, team, one_rank(), sharers).loss <=
+         threshold::kLittleLoss * loss_by_size(cells, volume, mesh, team);
 }
 
-/// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move.
-inline bool has_loss(const HighOrderMesh& mesh, double scaled_jacobian, const Team& team) {
-  const CellAccuracy cells = cell_accuracy(mesh, team);
+/// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move. `sharers`: as above.
+inline bool has_loss(const HighOrderMesh& mesh, double scaled_jacobian, const Team& team, const Ranks& sharers) {
+  const CellAccuracy cells = cell_accuracy(mesh, team, sharers);
   const double volume = volume_of(cells, team);
   if (mesh.order == 2 && scaled_jacobian >= threshold::kGood) {
     const double square = Reduction(team).sum(cells.loss.size(), kCellsPerLossTask, [&](std::size_t cell) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/index.h"
 #include "core/base/io/large_arrays.h"
 
 namespace varimesh {
@@ -14,14 +15,18 @@ constexpr double kNoise = 1e-13;  // of the sum
 }  // namespace
 
 LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& form, OrderLevels& levels,
-                             const Material& material, const Team& team)
+                             const Material& material, const Team& team, const ProblemPart* part)
     : problem_(problem),
       energy_(energy),
       form_(form),
       levels_(levels),
       material_(material),
       team_(team),
-      reduction_(team) {
+      part_(part),
+      own_nodes_(part != nullptr ? at(part->share.own_nodes) : problem.free.size()),
+      unknowns_(own_nodes_ * at(problem.dimension)),
+      reduction_(part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
+                                 : WholeReduction(team, one_rank())) {
   const std::size_t numbers = problem.free.size() * problem.dimension;
   for (auto* vector : {&gradient_, &start_, &step_, &residual_, &direction_, &product_}) resize_large(*vector, numbers);
   for (auto* vector : {&rough_direction_, &rough_product_})
@@ -31,7 +36,12 @@ LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& fo
 
 void LossObjective::hold_vertices(std::span<const double> hold, std::span<const double> places) {
   places_ = places;
-  hold_.resize(problem_.free.size());
+  hold_.resize(own_nodes_);
+  const std::int32_t all_cells = part_ != nullptr ? part_->whole->cells : problem_.cells;
+  const auto hold_of = [&](const Incidence& in) {
+    return part_ != nullptr ? hold[at(part_->whole->sets[at(in.set)].first + part_->cells[at(in.set)][at(in.cell)])]
+                            : hold[at(problem_.sets[at(in.set)].first + in.cell)];
+  };
   team_.for_ranges(hold_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
       double sum = 0;
@@ -39,7 +49,7 @@ void LossObjective::hold_vertices(std::span<const double> hold, std::span<const 
         const Incidence& incidence = problem_.incidences[i];
         const CellSet& set = problem_.sets[incidence.set];
         const int vertices = reference::info(set.shape).vertices;
-        if (incidence.local < vertices) sum += hold[set.first + incidence.cell] / vertices / problem_.cells;
+        if (incidence.local < vertices) sum += hold_of(incidence) / vertices / all_cells;
       }
       hold_[f] = sum;
     }
@@ -77,7 +87,7 @@ double LossObjective::linearise(bool /*renews*/) {
 
 void LossObjective::add_form() {
   const std::size_t d = problem_.dimension;
-  team_.for_ranges(gradient_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const double moved = problem_.positions[problem_.free[i / d] * d + i % d] - places_[i];
       gradient_[i] += product_[i] + 2 * hold_[i / d] * moved;
@@ -87,7 +97,7 @@ void LossObjective::add_form() {
 }
 
 void LossObjective::clear_step() {
-  team_.for_ranges(step_.size(), kNumbersPerTask,
+  team_.for_ranges(unknowns_, kNumbersPerTask,
                    [&](std::size_t begin, std::size_t end) { std::fill_n(step_.data() + begin, end - begin, 0.0); });
 }
 
@@ -95,7 +105,7 @@ bool LossObjective::make_convex() {
   if (is_convex_ || material_.energy != Energy::Hyperelastic) return false;
   is_convex_ = true;
   energy_.keep_convex_part(material_);
-  team_.for_ranges(gradient_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) residual_[i] = -gradient_[i];
   });
   clear_step();
@@ -111,6 +121,7 @@ double LossObjective::precondition() {
 
 double LossObjective::multiply() {
   has_form_ = false;
+  if (part_ != nullptr) part_->share.directions.exchange(direction_.data(), at(problem_.dimension), reduction_.ranks());
   team_.for_ranges(direction_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) rough_direction_[i] = static_cast<float>(direction_[i]);
   });
@@ -118,14 +129,14 @@ double LossObjective::multiply() {
   form_.multiply(direction_, product_);
   const double scale = energy_.scale();
   const std::size_t d = problem_.dimension;
-  return reduction_.sum(product_.size(), kNumbersPerTask, [&](std::size_t i) {
+  return reduction_.sum(unknowns_, kNumbersPerTask, [&](std::size_t i) {
     product_[i] += scale * static_cast<double>(rough_product_[i]) + 2 * hold_[i / d] * direction_[i];
     return direction_[i] * product_[i];
   });
 }
 
 void LossObjective::advance(double alpha) {
-  team_.for_ranges(step_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       step_[i] += alpha * direction_[i];
       residual_[i] -= alpha * product_[i];
@@ -134,7 +145,7 @@ void LossObjective::advance(double alpha) {
 }
 
 void LossObjective::turn(double beta) {
-  team_.for_ranges(direction_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) direction_[i] = product_[i] + (beta == 0 ? 0 : beta * direction_[i]);
   });
 }
@@ -143,7 +154,7 @@ void LossObjective::turn(double beta) {
 
 double LossObjective::gradient_norm() {
   return std::sqrt(
-      reduction_.sum(gradient_.size(), kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * gradient_[i]; }));
+      reduction_.sum(unknowns_, kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * gradient_[i]; }));
 }
 
 double LossObjective::preconditioned_norm(double rq) const { return std::sqrt(std::max(0.0, rq)); }
@@ -151,7 +162,7 @@ double LossObjective::preconditioned_norm(double rq) const { return std::sqrt(st
 template <class Displacement>
 double LossObjective::largest_of(const Displacement& displacement) const {
   const std::size_t d = problem_.dimension;
-  return std::sqrt(reduction_.largest(problem_.free.size(), kNumbersPerTask, [&](std::size_t f) {
+  return std::sqrt(reduction_.largest(own_nodes_, kNumbersPerTask, [&](std::size_t f) {
     double square = 0;
     for (std::size_t k = 0; k < d; ++k) square += displacement(f, k) * displacement(f, k);
     return square * problem_.inverse_size[f] * problem_.inverse_size[f];
@@ -166,8 +177,8 @@ double LossObjective::largest(std::span<const double> displacements) const {
 double LossObjective::largest_from(std::span<const double> positions) const {
   const std::size_t d = problem_.dimension;
   return largest_of([&](std::size_t f, std::size_t k) {
-    const std::size_t number = problem_.free[f] * d + k;
-    return problem_.positions[number] - positions[number];
+    const std::int32_t node = problem_.free[f], whole = part_ != nullptr ? part_->nodes[at(node)] : node;
+    return problem_.positions[at(node) * d + k] - positions[at(whole) * d + k];
   });
 }
 
@@ -176,7 +187,7 @@ double LossObjective::largest_defect() {
   energy_.gradient(gradient_);
   form();
   add_form();
-  team_.for_ranges(residual_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) residual_[i] -= direction_[i];
   });
   precondition();
@@ -187,31 +198,32 @@ double LossObjective::largest_defect() {
 
 double LossObjective::finish_step() {
   const std::size_t d = problem_.dimension;
-  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team_.for_ranges(own_nodes_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) std::copy_n(&problem_.positions[problem_.free[f] * d], d, &start_[f * d]);
   });
-  return reduction_.sum(step_.size(), kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * step_[i]; });
+  return reduction_.sum(unknowns_, kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * step_[i]; });
+}
+
+template <class PositionOf>
+void LossObjective::place(const PositionOf& position_of, const Team& team) {
+  const std::size_t d = at(problem_.dimension);
+  team.for_ranges(own_nodes_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      for (std::size_t k = 0; k < d; ++k) problem_.positions[at(problem_.free[f]) * d + k] = position_of(f * d + k);
+  });
+  if (part_ != nullptr) part_->share.positions.exchange(problem_.positions.data(), d, reduction_.ranks());
+  has_form_ = false;
 }
 
 double LossObjective::move(double alpha) {
-  const std::size_t d = problem_.dimension;
-  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f)
-      for (std::size_t k = 0; k < d; ++k)
-        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step_[f * d + k];
-  });
-  has_form_ = false;
+  place([&](std::size_t number) { return start_[number] + alpha * step_[number]; }, team_);
   energy_.scan();
   const double energy = energy_.value();
   return std::isfinite(energy) ? energy + form() + held() : energy;
 }
 
 void LossObjective::go_back() {
-  const std::size_t d = problem_.dimension;
-  team_.without_stop().for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) std::copy_n(&start_[f * d], d, &problem_.positions[problem_.free[f] * d]);
-  });
-  has_form_ = false;
+  place([&](std::size_t number) { return start_[number]; }, team_.without_stop());
 }
 
 }  // namespace varimesh

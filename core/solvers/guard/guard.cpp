@@ -35,11 +35,12 @@ std::int64_t uncertified_in(const std::vector<Certificate>& certificates, const 
 }  // namespace
 
 Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, const Certifier& certifier,
-             std::vector<Certificate> certificates, const Team& team)
+             std::vector<Certificate> certificates, const Team& team, const Ranks& ranks)
     : mesh_(mesh),
       problem_(problem),
       certifier_(certifier),
       team_(team),
+      ranks_(ranks),
       conversion_(mesh, frame, problem.positions, team),
       free_(mesh.node_count(), 0),
       unrepairable_(problem.cells, 0),
@@ -102,8 +103,8 @@ void Guard::certify_at(const std::vector<double>& positions) {
   std::ranges::set_union(moved_cells(positions), unfinished_, std::back_inserter(moved));
   unfinished_ = moved;  // if this is interrupted, nothing is known about these cells
   kept_is_latest_ = kept_is_latest_ && moved.empty();
-  conversion_.update(positions, moved, latest_coordinates_, team_);
-  certifier_.certify(latest_coordinates_, moved, latest_certificates_, team_);
+  conversion_.update(positions, moved, latest_coordinates_, team_, ranks_);
+  certifier_.certify(latest_coordinates_, moved, latest_certificates_, team_, ranks_);
   shared_copy<double>(positions, latest_positions_, team_);
   unfinished_.clear();
   kept_is_latest_ = false;

@@ -12,6 +12,7 @@
 #include "core/merit/merit.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/problem.h"
+#include "core/ranks/ranks.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
@@ -44,9 +45,9 @@ enum class Standing : std::uint8_t {
 class Guard {
  public:
   /// `certificates` are those of `certifier` for mesh.coordinates, one per cell in the mesh's order. All references
-  /// must outlive the guard.
+  /// must outlive the guard. `ranks`: share the work of certifying, and call everything together.
   Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, const Certifier& certifier,
-        std::vector<Certificate> certificates, const Team& team);
+        std::vector<Certificate> certificates, const Team& team, const Ranks& ranks = one_rank());
 
   /// Keeps the cells of these groups out of the barrier while they are not certified valid (CellSet::unrepairable).
   void set_unrepairable(std::span<const UnrepairableGroup> groups);
@@ -148,6 +149,7 @@ class Guard {
   Problem& problem_;
   const Certifier& certifier_;
   const Team& team_;
+  const Ranks& ranks_;
   NodeConversion conversion_;
   std::vector<const std::int32_t*> cell_nodes_;  ///< By cell of the mesh.
   std::vector<int> cell_size_;

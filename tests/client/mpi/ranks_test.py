@@ -1,6 +1,7 @@
 """varimesh-mpi: several processes print what one prints, and all end soon if one of them cannot go on."""
 import array
 import fcntl
+import json
 import os
 import re
 import shutil
@@ -141,17 +142,29 @@ class Optimise(WithMeshes):
     def without_seconds(self, text):
         return self.SECONDS.sub("some time", text)
 
-    def assert_same(self, mesh, *flags, ranks=(1, 2, 3, 5, 8)):
+    @staticmethod
+    def content(page):
+        """A report without where it comes from and how long it took: its document, and all its arrays."""
+        before, mark, rest = page.read_text().partition('<script type="application/json" id="report">')
+        report, end, after = rest.partition("</script>")
+        assert mark and end, f"{page} has no document"
+        report = json.loads(report)
+        del report["origin"], report["document"]["seconds"], report["history"]["seconds"]
+        return json.dumps(report), before, after
+
+    def assert_same(self, mesh, *flags, ranks=(1, 2, 3, 5, 8), objective="energy"):
         alone, together = self.folder / "alone.msh", self.folder / "together.msh"
         histories = self.folder / "alone.csv", self.folder / "together.csv"
-        arguments = ["optimise", mesh, "--objective", "energy", *flags]
-        plain = run(*arguments, "-o", alone, "--history", histories[0])
+        pages = self.folder / "alone.html", self.folder / "together.html"
+        arguments = ["optimise", mesh, *(["--objective", objective] if objective else []), *flags]
+        plain = run(*arguments, "-o", alone, "--history", histories[0], "--report", pages[0])
         self.assertIn(plain.returncode, (0, 4), plain.stderr)
         self.assertNotEqual(alone.read_bytes(), Path(mesh).read_bytes())
         for count in ranks:
             with self.subTest(mesh=mesh.name, ranks=count, flags=flags):
-                done = launch(count, *arguments, "-o", together, "--history", histories[1])
+                done = launch(count, *arguments, "-o", together, "--history", histories[1], "--report", pages[1])
                 self.assertEqual(done.returncode, plain.returncode, done.stderr)
+                self.assertEqual(self.content(pages[1]), self.content(pages[0]))
                 self.assertEqual(together.read_bytes(), alone.read_bytes())
                 self.assertEqual(self.without_seconds(done.stdout), self.without_seconds(plain.stdout))
                 rows = [[row.split(",") for row in path.read_text().splitlines()] for path in histories]
@@ -171,8 +184,26 @@ class Optimise(WithMeshes):
         self.assert_same(self.grid(13), "--threads", "1")
         self.assert_same(self.grid(13), "--threads", "2", "--json", ranks=(2, 3))
 
+    def test_the_default_objective(self):
+        for name in ("circle_p5.msh", "annulus_p3.msh", "aerofoil_p4.msh", "pin_p3.msh", "solid_ball_p3.msh",
+                     "thick_layer_p3.msh"):
+            self.assert_same(self.binary(name), "--threads", "1", ranks=(1, 3), objective=None)
+        self.assert_same(self.grid(13), "--threads", "1", objective=None)
+        self.assert_same(self.grid(13), "--threads", "2", "--json", ranks=(2, 3), objective=None)
+
     def test_a_mesh_that_comes_in_invalid(self):
-        self.assert_same(self.binary("reentrant_3_of_5.msh"), "--threads", "1", ranks=(2,))
+        for objective in ("energy", None):
+            self.assert_same(self.binary("reentrant_3_of_5.msh"), "--threads", "1", ranks=(2,), objective=objective)
+
+    def test_a_report_of_a_result_that_cannot_be_read(self):
+        """The page needs the result in a format that can be read, and this one is not written to a file."""
+        mesh, page = self.binary("circle_p5.msh"), self.folder / "page.html"
+        done = launch(2, "optimise", mesh, "-o", self.folder / "out.vtu", "--report", page)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual({path.name for path in self.folder.iterdir()}, {mesh.name, "out.vtu", "page.html"})
+        plain = self.folder / "plain.html"
+        self.assertEqual(run("optimise", mesh, "-o", self.folder / "out.vtu", "--report", plain).returncode, 0)
+        self.assertEqual(self.content(page), self.content(plain))
 
     def test_a_file_that_cannot_be_written(self):
         mesh = self.binary("circle_p5.msh")
@@ -204,7 +235,6 @@ class Refusals(WithMeshes):
     def test_what_optimise_does_not_share_yet(self):
         mesh = self.binary("nine_triangles.msh")
         optimise = ("optimise", mesh, "-o", self.folder / "out.msh")
-        self.assert_refused(2, "shares only the work of '--objective energy'", *optimise)
         for flags, words in ((["--order", "3"], "does not take --order"), (["--repair", "split"], "does not take --repair"),
                              (["--time-limit", "9"], "does not take --time-limit"),
                              (["--device", "gpu"], "does not take --device gpu"),
@@ -212,8 +242,10 @@ class Refusals(WithMeshes):
                              (["--request-id", "wing-1"], "does not take --request-id"),
                              (["--slide-on", "boundary"], "does not take a geometry"),
                              (["--merge-nodes", "1e-9"], "does not take flags that change the mesh"),
-                             (["--report", self.folder / "page.html"], "does not take --report")):
-            self.assert_refused(2, words, *optimise, "--objective", "energy", *flags)
+                             (["--objective", "worst"], "does not take --objective worst"),
+                             (["--history", "-"], "does not take standard output"),
+                             (["--report", "-"], "does not take standard output")):
+            self.assert_refused(2, words, *optimise, *flags)
         self.assert_refused(2, "'varimesh optimise --into'", "optimise", mesh, "--into", self.folder / "out", "--objective",
                             "energy")
         self.assert_refused(2, "does not take standard output", "optimise", mesh, "-o", "-", "--objective", "energy")

@@ -25,11 +25,13 @@ void for_pairs(int d, const Visit& visit) {
 }  // namespace
 
 ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team,
-                     std::span<double> room)
+                     std::span<double> room, const ProblemPart* part)
     : problem_(problem),
       space_(space),
       team_(team),
-      reduction_(team),
+      reduction_(part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
+                                 : WholeReduction(team, one_rank())),
+      all_cells_(part != nullptr ? part->whole->cells : problem.cells),
       weights_(static_cast<std::size_t>(space.order) + 1),
       metrics_(problem.cells),
       values_(problem.cells) {
@@ -39,6 +41,7 @@ ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wav
   for (int s = 0; s <= space.order; ++s)
     weights_[static_cast<std::size_t>(s)] = std::pow(wave, 2 * (space.order + 1 - s));
   for (const CellSet& set : problem.sets) products_.push_back(&detail::part_products(set.shape, set.order));
+  if (part != nullptr) cell_sum_.emplace(*part);
   take_frames();
 }
 
@@ -114,7 +117,7 @@ void ModalForm::differentiate(const Value& value) {
     for (std::size_t i = 0; i < at(count); ++i) {
       values_[cell + i] = values[i];
       for (std::size_t n = 0; n < nodes * d; ++n)
-        contributions_[(place + i * nodes) * d + n] = slopes[n * kLanes + i] / problem_.cells;
+        contributions_[(place + i * nodes) * d + n] = slopes[n * kLanes + i] / all_cells_;
     }
   });
 }
@@ -127,7 +130,10 @@ double ModalForm::gradient(std::span<double> gradient) {
     return x(node) - x(0);
   });
   add_up(problem_, space_, problem_.dimension, contributions_, gradient, team_);
-  return reduction_.sum(values_.size(), kCellsPerSum, [&](std::size_t cell) { return values_[cell]; }) / problem_.cells;
+  const double sum =
+      cell_sum_ ? cell_sum_->sum(values_, reduction_, kCellsPerSum)
+                : reduction_.sum(values_.size(), kCellsPerSum, [&](std::size_t cell) { return values_[cell]; });
+  return sum / all_cells_;
 }
 
 void ModalForm::multiply(std::span<const double> direction, std::span<double> product) {
@@ -163,7 +169,7 @@ std::vector<std::vector<double>> ModalForm::diagonals(std::span<const OrderSpace
         for_pairs(d, [&](std::size_t pair, int a, int b) {
           sum += (a == b ? 1 : 2) * stiffness[cell] * metrics_[cell][pair] * squares.of_gradient[pair];
         });
-        sum /= problem_.cells;
+        sum /= all_cells_;
         Eigen::Map<Eigen::VectorXd>(&of_places[static_cast<std::size_t>(space.sets[number].first) +
                                                static_cast<std::size_t>(first + i) * nodes],
                                     nodes) = sum;

@@ -3,15 +3,18 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/base/aligned.h"
-#include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/problem/problem.h"
+#include "core/ranks/whole_reduction.h"
 #include "core/solvers/descent/form/order_space.h"
 #include "core/solvers/descent/form/part_products.h"
+#include "core/terms/part/cell_sum.h"
+#include "core/terms/part/problem_part.h"
 
 namespace varimesh {
 
@@ -22,13 +25,17 @@ namespace varimesh {
 ///
 /// At that mesh Q is the squared local loss. Q is quadratic in the positions and the same for each coordinate, and 0
 /// for straight-sided cells, so it does not depend on where vertices are.
+///
+/// The problem may be the part that a rank has of a whole one. Then all ranks call gradient(), multiply() and
+/// diagonals() together, and each gets the numbers of its own nodes and cells, with the bits that they have without
+/// ranks.
 class ModalForm {
  public:
   /// Takes the frames. `wave` is κ: local_wave() of the mesh. `room`: memory that the form may use, such as
   /// CellEnergy::room(); with less than d numbers per place it takes its own. Call it inside team.run(). All references
-  /// and the room must outlive the form.
-  ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team,
-            std::span<double> room = {});
+  /// and the room must outlive the form. `part`: null, or what `problem` is the problem of.
+  ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team, std::span<double> room = {},
+            const ProblemPart* part = nullptr);
 
   /// Takes J anew from problem.positions. Cells with det J = 0 do not count. Call it inside team.run().
   void take_frames();
@@ -73,7 +80,9 @@ class ModalForm {
   const Problem& problem_;
   const OrderSpace& space_;
   const Team& team_;
-  Reduction reduction_;
+  WholeReduction reduction_;
+  std::int32_t all_cells_;                             ///< N.
+  std::optional<CellSum> cell_sum_;                    ///< With ranks.
   std::vector<const detail::PartProducts*> products_;  ///< By Problem::sets.
   std::vector<double> weights_;                        ///< By degree s ≤ P: κ^(2(P+1−s)).
   std::vector<std::array<double, 6>> metrics_;  ///< J⁻¹J⁻ᵀ in the order of PartsTable::products; 0 if det J = 0.

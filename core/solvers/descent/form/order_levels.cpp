@@ -11,9 +11,12 @@ constexpr std::size_t kNumbersPerTask = 4096;
 
 }  // namespace
 
-OrderLevels::OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team)
-    : problem_(problem), team_(team), reduction_(team) {
-  for (int order = 1; order < own.order; ++order) lower_.push_back(lower_space(problem, order, team));
+OrderLevels::OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team, const ProblemPart* part)
+    : problem_(problem),
+      team_(team),
+      reduction_(part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
+                                 : WholeReduction(team, one_rank())) {
+  for (int order = 1; order < own.order; ++order) lower_.push_back(lower_space(problem, order, team, part));
   for (const OrderSpace& space : lower_) {
     spaces_.push_back(&space);
     residuals_.emplace_back(static_cast<std::size_t>(space.count) * problem.dimension);
@@ -32,29 +35,31 @@ void OrderLevels::take_diagonals(ModalForm& form, std::span<const double> stiffn
     });
 }
 
-double OrderLevels::apply(std::span<const double> r, std::span<double> z) {
+double OrderLevels::apply(std::span<double> r, std::span<double> z) {
   const std::size_t levels = spaces_.size();
   for (std::size_t level = levels - 1; level-- > 0;)
     restrict_to(level, level + 2 == levels ? r : residuals_[level + 1]);
   for (std::size_t level = 0; level < levels; ++level) {
     const bool last = level + 1 == levels;
-    const std::span<const double> residual = last ? r : residuals_[level];
+    const std::span<double> residual = last ? r : residuals_[level];
     const std::span<double> solution = last ? z : solutions_[level];
     const std::size_t d = problem_.dimension;
     if (level > 0) raise_from(level - 1, solution);
     const std::vector<double>& inverse = inverse_diagonals_[level];
-    team_.for_ranges(inverse.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    team_.for_ranges(at(spaces_[level]->own_count), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t node = begin; node < end; ++node)
         for (std::size_t k = 0; k < d; ++k)
           solution[node * d + k] = (level > 0 ? solution[node * d + k] : 0.0) + inverse[node] * residual[node * d + k];
     });
   }
-  return reduction_.sum(r.size(), kNumbersPerTask, [&](std::size_t i) { return r[i] * z[i]; });
+  const std::size_t numbers = at(spaces_.back()->own_count) * at(problem_.dimension);
+  return reduction_.sum(numbers, kNumbersPerTask, [&](std::size_t i) { return r[i] * z[i]; });
 }
 
-void OrderLevels::restrict_to(std::size_t level, std::span<const double> above) {
+void OrderLevels::restrict_to(std::size_t level, std::span<double> above) {
   change_kind_of_numbers();
   const OrderSpace &low = *spaces_[level], &high = *spaces_[level + 1];
+  high.share.exchange(high.share.to_first, above, problem_.dimension);
   const std::size_t d = at(problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t set, std::int32_t first, std::int32_t count) {
     const OrderSpace::Set &to = low.sets[set], &from = high.sets[set];
@@ -71,6 +76,7 @@ void OrderLevels::restrict_to(std::size_t level, std::span<const double> above) 
 void OrderLevels::raise_from(std::size_t level, std::span<double> above) {
   const OrderSpace &low = *spaces_[level], &high = *spaces_[level + 1];
   const std::size_t d = at(problem_.dimension);
+  low.share.exchange(low.share.values, solutions_[level], problem_.dimension);
   for_cells_together(problem_, team_, [&](std::size_t set, std::int32_t first, std::int32_t count) {
     const OrderSpace::Set &to = high.sets[set], &from = low.sets[set];
     const double* products =
@@ -83,6 +89,7 @@ void OrderLevels::raise_from(std::size_t level, std::span<double> above) {
           above[at(to.numbers[place]) * d + k] = products[(n * d + k) * detail::kCellLanes + lane];
       }
   });
+  high.share.exchange(high.share.from_first, above, problem_.dimension);
 }
 
 static_assert(at(kCellsTogether) == detail::kCellLanes);

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/base/aligned.h"
-#include "core/base/reduction.h"
 #include "core/base/team.h"
+#include "core/ranks/whole_reduction.h"
 #include "core/solvers/descent/form/modal_form.h"
 #include "core/solvers/descent/form/order_space.h"
 #include "core/solvers/descent/form/order_tables.h"
@@ -19,10 +19,14 @@ namespace varimesh {
 /// tiny factor on fine meshes. A diagonal at the nodes of order P would not see them. In the space of each
 /// order the form is, up to this factor, like a mass matrix, whose diagonal is a good preconditioner whatever the size
 /// of the cells.
+///
+/// The problem may be the part that a rank has of a whole one. Then all ranks call all functions together, and each
+/// gets the numbers of its own nodes, with the bits that they have without ranks.
 class OrderLevels {
  public:
   /// `own` is the space of the problem's order. Call it inside team.run(). All references must outlive the object.
-  OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team);
+  /// `part`: null, or what `problem` is the problem of.
+  OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team, const ProblemPart* part = nullptr);
 
   /// Takes new diagonals; the arguments are those of ModalForm::diagonals(). apply() overwrites ModalForm::room().
   void take_diagonals(ModalForm& form, std::span<const double> stiffness);
@@ -31,18 +35,19 @@ class OrderLevels {
   std::span<const OrderSpace* const> spaces() const { return spaces_; }
   const std::vector<std::vector<double>>& inverse_diagonals() const { return inverse_diagonals_; }
 
-  /// z = M⁻¹ r, d numbers per free node each. Returns r · z.
-  double apply(std::span<const double> r, std::span<double> z);
+  /// z = M⁻¹ r, d numbers per free node each. Returns r · z. With ranks, z is set at own nodes, and the numbers of r at
+  /// others are overwritten.
+  double apply(std::span<double> r, std::span<double> z);
 
  private:
-  void restrict_to(std::size_t level, std::span<const double> above);
+  void restrict_to(std::size_t level, std::span<double> above);
   void raise_from(std::size_t level, std::span<double> above);
   const double* multiply(const detail::LaneMatrix& matrix, const OrderSpace::Set& set, Occurrence taken,
                          std::int32_t first, std::int32_t count, std::span<const double> vector) const;
 
   const Problem& problem_;
   const Team& team_;
-  Reduction reduction_;
+  WholeReduction reduction_;
   std::vector<OrderSpace> lower_;                   ///< [q − 1], q < P.
   std::vector<const OrderSpace*> spaces_;           ///< [q − 1], q ≤ P.
   std::vector<const detail::OrderTables*> tables_;  ///< By Problem::sets.

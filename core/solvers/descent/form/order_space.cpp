@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <atomic>
+#include <numeric>
 
 #include "core/base/index.h"
 #include "core/base/io/large_arrays.h"
 #include "core/base/shared_work.h"
 #include "core/mesh/changes/shared_nodes.h"
+#include "core/solvers/descent/form/space_part.h"
 
 namespace varimesh {
 namespace {
@@ -33,7 +35,7 @@ void count_places(OrderSpace& space) {
   }
 }
 
-/// Fills everything that follows from the numbers. The threads list places in any order, so these are sorted then.
+/// Fills the lists that follow from the numbers. The threads list places in any order, so these are sorted then.
 void list_places(OrderSpace& space, const Team& team) {
   space.begin.assign(at(space.count) + 1, 0);
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
@@ -50,6 +52,9 @@ void list_places(OrderSpace& space, const Team& team) {
     for (std::size_t node = begin; node < end; ++node)
       std::sort(&space.places[at(space.begin[node])], space.places.data() + space.begin[node + 1]);
   });
+}
+
+void mark_first_places(OrderSpace& space, const Team& team) {
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
     const std::int32_t number = set.numbers[place];
     if (number >= 0 && space.places[at(space.begin[at(number)])] == set.first + static_cast<std::int64_t>(place))
@@ -107,9 +112,9 @@ class StandIns {
 
 }  // namespace
 
-OrderSpace own_space(const Problem& problem, const Team& team) {
+OrderSpace own_space(const Problem& problem, const Team& team, const ProblemPart* part) {
   OrderSpace space;
-  space.count = static_cast<std::int32_t>(problem.free.size());
+  space.count = space.own_count = static_cast<std::int32_t>(problem.free.size());
   const std::vector<std::int32_t> rank = ranks(problem, team);
   for (const CellSet& set : problem.sets) {
     space.order = set.order;
@@ -122,6 +127,12 @@ OrderSpace own_space(const Problem& problem, const Team& team) {
   }
   count_places(space);
   for_places(space, team, [](OrderSpace::Set& set, std::size_t place) { set.is_first[place] = 0; });
+  if (part != nullptr) {
+    std::vector<std::int32_t> stand_ins(problem.free.size());
+    std::iota(stand_ins.begin(), stand_ins.end(), 0);
+    share_space(*part, stand_ins, space);
+    return space;
+  }
   team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t r = begin; r < end; ++r) {
       const Incidence& first = problem.incidences[at(problem.offsets[r])];
@@ -132,18 +143,24 @@ OrderSpace own_space(const Problem& problem, const Team& team) {
   return space;
 }
 
-OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
+OrderSpace lower_space(const Problem& problem, int order, const Team& team, const ProblemPart* part) {
   OrderSpace space;
   space.order = order;
   const std::vector<std::int32_t> rank = ranks(problem, team);
   std::vector<std::int32_t> numbers(problem.free.size(), 0);  // by the rank of the stand-in: 1 if there is a node
-  for (const CellSet& set : problem.sets) {
+  for (std::size_t s = 0; s < problem.sets.size(); ++s) {
+    const CellSet& set = problem.sets[s];
     OrderSpace::Set& added = space.sets.emplace_back();
     added.nodes_per_cell = reference::node_count(set.shape, order);
-    resize_large(added.numbers, at(set.count) * at(added.nodes_per_cell));
+    const std::int32_t cells = part != nullptr ? part->share.places[s] : set.count;
+    resize_large(added.numbers, at(cells) * at(added.nodes_per_cell));
     const StandIns stand_ins(set.shape, set.order, order, problem.dimension);
-    team.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+    team.for_each(cells, kCellsPerTask, [&](std::int32_t cell) {
       const std::span named(&added.numbers[at(cell) * at(added.nodes_per_cell)], at(added.nodes_per_cell));
+      if (part != nullptr && part->cells[s][at(cell)] < 0) {
+        std::ranges::fill(named, -1);
+        return;
+      }
       stand_ins.name(&set.nodes[at(cell) * at(set.nodes_per_cell)], named.data());
       for (std::int32_t& node : named) {
         node = rank[at(node)];
@@ -151,12 +168,19 @@ OrderSpace lower_space(const Problem& problem, int order, const Team& team) {
       }
     });
   }
-  space.count = sums_before(numbers);
+  std::vector<std::int32_t> stand_ins;  // by node
+  for (std::size_t r = 0; part != nullptr && r < numbers.size(); ++r)
+    if (numbers[r] != 0) stand_ins.push_back(static_cast<std::int32_t>(r));
+  space.count = space.own_count = sums_before(numbers);
   for_places(space, team, [&](OrderSpace::Set& set, std::size_t place) {
     if (set.numbers[place] >= 0) set.numbers[place] = numbers[at(set.numbers[place])];
   });
   count_places(space);
   list_places(space, team);
+  if (part != nullptr)
+    share_space(*part, stand_ins, space);
+  else
+    mark_first_places(space, team);
   return space;
 }
 
@@ -172,10 +196,11 @@ void gather(const OrderSpace::Set& set, Occurrence taken, std::int32_t first, st
     }
 }
 
-void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<const double> contributions,
+void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<double> contributions,
             std::span<double> out, const Team& team) {
+  space.share.exchange(space.share.contributions, contributions, d);
   const auto add = [&](const std::vector<std::int64_t>& begin_of, const auto& place_of) {
-    team.for_ranges(at(space.count), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    team.for_ranges(at(space.own_count), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t node = begin; node < end; ++node)
         for (int k = 0; k < d; ++k) {
           double sum = 0;

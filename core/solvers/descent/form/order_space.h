@@ -8,6 +8,8 @@
 
 #include "core/base/team.h"
 #include "core/problem/problem.h"
+#include "core/ranks/halo.h"
+#include "core/terms/part/problem_part.h"
 
 namespace varimesh {
 
@@ -27,15 +29,34 @@ struct OrderSpace {
   /// count + 1: where each free node's places begin in `places`; empty in the problem's own order, whose incidences say
   /// the same.
   std::vector<std::int64_t> begin;
-  std::vector<std::int64_t> places;  ///< In ascending order for each node; or empty.
+  std::vector<std::int64_t> places;  ///< In the order of the whole problem's cells for each node; or empty.
   std::int64_t place_count = 0;
+  std::int32_t own_count = 0;  ///< So many free nodes at the beginning are this rank's own; without ranks, all.
+
+  /// Of a part of a problem: how numbers go from rank to rank.
+  struct Share {
+    const Ranks* ranks = nullptr;  ///< Null without ranks. Then there is nothing to exchange.
+    Halo values;                   ///< By node: from its owner to the ranks that work on one of its cells.
+    Halo to_first, from_first;     ///< By node: from its owner to the rank that works on its first cell, and back.
+    Halo contributions;            ///< By place: from the rank that works on the cell to the owner of the node.
+
+    /// Exchanges `width` numbers for each item. All ranks call it together.
+    void exchange(const Halo& halo, std::span<double> numbers, int width) const {
+      if (ranks != nullptr) halo.exchange(numbers.data(), static_cast<std::size_t>(width), *ranks);
+    }
+  };
+  Share share;
 };
 
 /// The space of the problem's own order; its free nodes are numbered as Problem::free. Call it inside team.run().
-OrderSpace own_space(const Problem& problem, const Team& team);
+/// @param part  null, or what `problem` is the problem of. All ranks call it together then. A set's places go on after
+/// the rank's own cells with its ghosts (problem_part.h). The cells of others give what they add to own nodes, and
+/// Set::is_first says which place is first in the whole problem.
+OrderSpace own_space(const Problem& problem, const Team& team, const ProblemPart* part = nullptr);
 
-/// The space of a lower order. It does not depend on the number of threads. Call it inside team.run().
-OrderSpace lower_space(const Problem& problem, int order, const Team& team);
+/// The space of a lower order. It does not depend on the number of threads. Call it inside team.run(). `part`: as
+/// above. A node's owner is the owner of the problem's nodes in the same vertex, edge, face or cell.
+OrderSpace lower_space(const Problem& problem, int order, const Team& team, const ProblemPart* part = nullptr);
 
 /// Cells that matrices are applied to at the same time: the lanes of core/kernels/dense/lane_matrix.h. The sums do not
 /// depend on it.
@@ -49,8 +70,9 @@ enum class Occurrence : std::uint8_t { Every, First };
 void gather(const OrderSpace::Set& set, Occurrence taken, std::int32_t first, std::int32_t count, int d,
             std::span<const double> vector, std::span<double> out);
 
-/// out of a node = Σ contributions at its places, in their order. `contributions` has d numbers per place.
-void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<const double> contributions,
+/// out of an own node = Σ contributions at its places, in their order. `contributions` has d numbers per place; those
+/// of other ranks' cells come from there.
+void add_up(const Problem& problem, const OrderSpace& space, int d, std::span<double> contributions,
             std::span<double> out, const Team& team);
 
 /// Calls body(set, first, count) for groups of at most kCellsTogether cells that make up all sets.

@@ -47,8 +47,7 @@ INSTANTIATE_TEST_SUITE_P(Fillings, OrderLevelsOf, ::testing::ValuesIn(testing::k
 
 TEST_P(OrderLevelsOf, AreSymmetricAndPositive) {
   Bench bench(GetParam(), {2, 2, 2}, 4);
-  const std::vector<double> a = testing::random_direction(bench.problem, 1),
-                            b = testing::random_direction(bench.problem, 2);
+  std::vector<double> a = testing::random_direction(bench.problem, 1), b = testing::random_direction(bench.problem, 2);
   std::vector<double> of_a(a.size()), of_b(a.size());
   EXPECT_GT(bench.levels.apply(a, of_a), 0);
   EXPECT_GT(bench.levels.apply(b, of_b), 0);

@@ -112,7 +112,7 @@ TEST_P(FormOnADevice, FollowsTheFrames) {
 }
 
 TEST_P(FormOnADevice, HasThePreconditioner) {
-  const std::vector<double> residual = testing::random_direction(bench_.problem_, 8);
+  std::vector<double> residual = testing::random_direction(bench_.problem_, 8);
   std::vector<double> solution(residual.size());
   const double along = bench_.levels_.apply(residual, solution);
   const device::Buffer r = copy(residual), z = queue_.room(r.bytes());
