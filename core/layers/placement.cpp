@@ -96,7 +96,8 @@ class Placer {
     return *table;
   }
 
-  /// A cell whose vertices are on two levels of columns above one facet.
+  /// A cell whose vertices are on two levels of columns above one facet. Where cells of another shape begin, as
+  /// triangles do around layers of quadrilaterals, the layers end, although columns may go on by chance.
   std::optional<LayerCell> layer_cell(std::int32_t cell) {
     if (cells_.shape(at(cell)) == Shape::Pyramid) return std::nullopt;
     const std::span<const std::int32_t> nodes = cells_.nodes(at(cell));
@@ -110,7 +111,7 @@ class Placer {
     }
     if (lowest != found.level - 1) return std::nullopt;
     for (const std::int32_t facet : columns_.facets_of[at(columns_.column_of[at(nodes[0])])]) {
-      bool all = true;
+      bool all = cells_.shape(at(columns_.facets[at(facet)].cell)) == cells_.shape(at(cell));
       for (int v = 0; v < vertices && all; ++v) all = corner(facet, nodes[at(v)]) >= 0;
       if (all && (found.facet < 0 || facet < found.facet)) found.facet = facet;
     }

@@ -11,6 +11,7 @@
 #include "core/base/index.h"
 #include "core/optimise/optimiser.h"
 #include "tests/core/layers/layer_meshes.h"
+#include "tests/core/support/cases.h"
 
 namespace varimesh {
 namespace {
@@ -170,6 +171,18 @@ TEST(Layers, OfAValidMeshStayInADefaultRun) {
   ASSERT_TRUE(result.has_value());
   EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
   EXPECT_TRUE(result->after.uncertified.empty());
+}
+
+/// Columns of vertices go on by chance through some of the triangles around ten layers of quadrilaterals.
+TEST(Layers, EndWhereCellsOfAnotherShapeBegin) {
+  const HighOrderMesh mesh = testing::read_case("ellipse_layers_p2.msh");
+  const LayerStart started = start(mesh);
+  EXPECT_EQ(started.cells, 200);
+  EXPECT_EQ(started.placed, 200);
+  const auto result = optimise(mesh);
+  ASSERT_TRUE(result.has_value());
+  EXPECT_TRUE(result->after.uncertified.empty());
+  EXPECT_GT(result->after.min_scaled_jacobian, 0.6);
 }
 
 TEST(Layers, ThinnerThanTheWallBendsComeOutValid) {
