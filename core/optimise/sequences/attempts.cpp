@@ -31,6 +31,10 @@ constexpr std::int64_t kMemoryOfAHint = std::int64_t{16} << 20;
 /// The work of all attempts, as a multiple of that of the run before. Each does at most as much as that run.
 constexpr double kTimesTheWork = 2;
 
+/// The work of the plain energy's attempt, as a multiple of that of all. Round an ellipse with coarse layers of order 4
+/// the work of all is just too little until every element is valid.
+constexpr double kTimesForEnergy = 2;
+
 /// After a short run, each attempt may do this much, and all together as much as all ways need for that: about a second
 /// each. A mesh of nine elements needs .7 of it until Winslow's energy has untangled it.
 constexpr double kLeastWorkOfAttempt = 1e6;
@@ -146,7 +150,7 @@ class Attempts {
     Options options = with_way(set_up_.options, way);
     options.max_iterations -= (options.max_iterations - result_.iterations) / 2;  // others may follow
     if (way.objective == Objective::Auto) return run_with(options, std::numeric_limits<double>::infinity());
-    if (is_plain_energy(options)) return run_with(options, most_work_);
+    if (is_plain_energy(options)) return run_with(options, kTimesForEnergy * most_work_);
     return run(options, set_up_.mesh.coordinates);
   }
 

@@ -42,7 +42,7 @@ inline Options with_way(Options options, const Way& way) {
 }
 
 /// The optimum of the energy is tried first, and repeats the beginning of the run. So it may untangle as deeply as a
-/// run does, and do the work that is meant for all attempts.
+/// run does, and do more work than the other attempts.
 inline bool is_plain_energy(const Options& options) {
   return options.objective == Objective::Energy && options.energy == Energy::Hyperelastic &&
          options.target == Target::StraightSided && options.constants == Constants::Standard;

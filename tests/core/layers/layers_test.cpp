@@ -16,7 +16,7 @@
 namespace varimesh {
 namespace {
 
-class OfShape : public testing::TestWithParam<std::tuple<Shape, int>> {
+class OfShape : public ::testing::TestWithParam<std::tuple<Shape, int>> {
  protected:
   Layers layers(double first, double growth, int count, Inside inside) const {
     return {std::get<0>(GetParam()), std::get<1>(GetParam()), count, first, growth, inside};
@@ -95,17 +95,17 @@ TEST(Layers, FadeSmoothlyToATopThatIsHardlyAway) {
       EXPECT_NEAR(started.coordinates[3 * node + c], raised(node, c), 1e-4 * (top - below)) << node;
 }
 
-std::string name_of(const testing::TestParamInfo<std::tuple<Shape, int>>& info) {
+std::string name_of(const ::testing::TestParamInfo<std::tuple<Shape, int>>& info) {
   return std::string(reference::info(std::get<0>(info.param)).name) + "_p" + std::to_string(std::get<1>(info.param));
 }
 
 INSTANTIATE_TEST_SUITE_P(Flat, OfShape,
-                         testing::Combine(testing::Values(Shape::Quadrilateral, Shape::Triangle),
-                                          testing::Values(2, 3, 4, 5)),
+                         ::testing::Combine(::testing::Values(Shape::Quadrilateral, Shape::Triangle),
+                                            ::testing::Values(2, 3, 4, 5)),
                          name_of);
 INSTANTIATE_TEST_SUITE_P(Solid, OfShape,
-                         testing::Combine(testing::Values(Shape::Hexahedron, Shape::Prism, Shape::Tetrahedron),
-                                          testing::Values(2, 3)),
+                         ::testing::Combine(::testing::Values(Shape::Hexahedron, Shape::Prism, Shape::Tetrahedron),
+                                            ::testing::Values(2, 3)),
                          name_of);
 
 TEST(Layers, AreNotFoundAtAFlatWall) {
