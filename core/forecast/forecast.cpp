@@ -31,8 +31,9 @@ constexpr int kRoundsInVain = 5;
 constexpr double kUnclearRounds = 4, kMostRounds = 6;
 /// Another descent begins where the last one ended. Few follow the second.
 constexpr double kNextDescent = 0.8, kLaterDescent = 0.3;
-/// Other ways together take as long as the run before them, as a rule, and at most twice as long.
-constexpr double kOtherWays = 1, kMostOtherWays = 2;
+/// Other ways together take as long as the run before them, as a rule, and at most five times as long: the bounds of
+/// work in core/optimise/sequences/attempts.cpp.
+constexpr double kOtherWays = 1, kMostOtherWays = 5;
 /// If one takes longer than the others: this share of what it has taken is left of it.
 constexpr double kOverdue = 0.2;
 

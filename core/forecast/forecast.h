@@ -113,7 +113,7 @@ class Forecast {
   int ways_ = 0;             ///< Other ways that are left, with the present one; 0: none was begun.
   Last ended_ways_;
   double way_began_ = 0;
-  double ways_began_ = 0;  ///< Less the time of whole runs, which the bound of the ways does not count.
+  double ways_began_ = 0;  ///< Later by the time of whole runs, which the bound of the ways does not count.
   std::unique_ptr<Forecast> whole_run_;
   std::optional<double> left_;  ///< At left_at_.
   double left_at_ = 0;

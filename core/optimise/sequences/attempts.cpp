@@ -28,7 +28,8 @@ namespace {
 /// The most bytes that the attempt at the next order may need beyond what the run does: it is worth a hint only.
 constexpr std::int64_t kMemoryOfAHint = std::int64_t{16} << 20;
 
-/// The work of all attempts, as a multiple of that of the run before. Each does at most as much as that run.
+/// The work of all attempts, as a multiple of that of the run before. Each but the plain energy's does at most as much
+/// as that run.
 constexpr double kTimesTheWork = 2;
 
 /// The work of the plain energy's attempt, as a multiple of that of all. Round an ellipse with coarse layers of order 4
@@ -235,8 +236,9 @@ class Attempts {
       return stopped_ || work_ >= most ? Control::Stop : Control::Continue;
     };
     RunControl control = control_;
-    const bool is_whole = options.objective != set_up_.options.objective && std::isinf(work_of_each_);
-    if (is_whole && forecast_ != nullptr) control.forecast = &forecast_->whole_run(begun, Forecast::rules_of(options));
+    const bool is_whole = std::isinf(work_of_each_);
+    if (is_whole && forecast_ != nullptr)
+      control.forecast = &forecast_->whole_run(begun, Forecast::rules_of((*prepared)->options));
     control.mesh_wanted = nullptr;  // only the best of them is handed out
     // Larger patches take most of the time of a run that is not short, and it has untangled them in vain.
     const bool is_shallow = options.objective == Objective::Energy && !is_plain_energy(options);

@@ -41,8 +41,8 @@ inline Options with_way(Options options, const Way& way) {
   return options;
 }
 
-/// The optimum of the energy is tried first, and repeats the beginning of the run. So it may untangle as deeply as a
-/// run does, and do more work than the other attempts.
+/// The optimum of the energy is tried before the other energies, and repeats the beginning of the run. So it may
+/// untangle as deeply as a run does, and do more work than the other attempts.
 inline bool is_plain_energy(const Options& options) {
   return options.objective == Objective::Energy && options.energy == Energy::Hyperelastic &&
          options.target == Target::StraightSided && options.constants == Constants::Standard;
