@@ -168,7 +168,8 @@ int doctor(const CommonFlags& flags) {
       temporary_files(),
       cad_plugin(),
       optional_part("gmsh", find_program("gmsh"), "for varimesh mesh"),
-      optional_part("HDF5 program", find_helper("varimesh_hdf5", "VARIMESH_HDF5"), "for .h5, .cgns, .pyfrm and .exo files"),
+      optional_part("HDF5 program", find_helper("varimesh_hdf5", "VARIMESH_HDF5"),
+                    "for .h5, .cgns, .pyfrm and .exo files"),
   };
   for (Finding& one : devices()) findings.push_back(std::move(one));
   if (!flags.server.empty()) findings.push_back(server(flags.server, flags.credentials));

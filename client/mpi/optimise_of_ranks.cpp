@@ -148,8 +148,8 @@ class Files {
   std::optional<Error> fault_;
 };
 
-/// Prints what `varimesh optimise` prints, and returns the exit status. `before`, `after`: the mesh and the result, for
-/// the report.
+/// Writes the history and the report if they are asked for, prints what `varimesh optimise` prints, and returns the
+/// exit status. `before`, `after`: the mesh and the result, for the report.
 int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcome, const std::string& before,
                  const std::string& after) {
   const std::vector<v1::Iteration> iterations(outcome.history.iterations().begin(), outcome.history.iterations().end());

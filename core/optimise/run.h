@@ -55,7 +55,7 @@ class Run {
   bool is_for_accuracy() const { return options_.objective == Objective::Accuracy; }
   /// All ranks of the run; one without ranks.
   const Ranks& sharers() const { return control_.ranks != nullptr ? *control_.ranks : one_rank(); }
-  /// Samples cells elsewhere than in this process alone; null: nothing does.
+  /// What samples cells in place of this process by itself: all ranks, or a device. Null: this process does it.
   detail::SamplesElsewhere* samples() {
     return of_ranks_ ? static_cast<detail::SamplesElsewhere*>(&*of_ranks_) : judge_.get();
   }

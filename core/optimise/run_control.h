@@ -92,8 +92,8 @@ struct RunControl {
   /// The ranks that share this run; null: one process runs it. All ranks call optimise() with the same mesh and the
   /// same options. They share the steps of Newton's method and of the descent, certificates, samples of quality and
   /// losses, and each rank does the rest of the run by itself. All get the result that one process gets. A shared run
-  /// uses no device and no checkpoint, has no time limit, and does not ask stop_asked. on_iteration must return the same
-  /// on all ranks. The object must outlive the run.
+  /// uses no device and no checkpoint, has no time limit, and does not ask stop_asked. on_iteration must return the
+  /// same on all ranks. The object must outlive the run.
   const Ranks* ranks = nullptr;
 };
 

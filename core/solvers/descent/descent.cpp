@@ -168,31 +168,31 @@ void Descent::gather_parts() {
   gather_cells<CellScan>(*part_, barrier_.scans(), scans_);
 }
 
-std::vector<double> Descent::squared_losses() const {
+std::vector<double> Descent::losses_around() const {
   const std::span<const double> own = form_.squared_losses();
-  if (!part_) return {own.begin(), own.end()};
+  if (!part_) return loss_around(problem_, own, team_);
   std::vector<double> all(at(problem_.cells));
   gather_cells<double>(*part_, own, all);
-  return all;
+  return loss_around(problem_, all, team_);
 }
 
 void Descent::set_weights() {
   const Material& m = context_.material;
   const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
   objective_.form();
-  const std::vector<double> around = loss_around(problem_, squared_losses(), team_);
-  const auto share_of = [&](std::size_t cell) { return caution_ * kWeight * around[cell]; };
+  const std::vector<double> around = losses_around();
+  const auto barrier_share = [&](std::size_t cell) { return caution_ * kWeight * around[cell]; };
   std::vector<double> stiff(weights_.size()), hold(at(problem_.cells));
   team_.for_each(problem_.cells, kCellsPerTask, [&](std::int32_t cell) {
     const double size = problem_.cell_size[at(cell)];
-    hold[at(cell)] =
-        kHold * share_of(at(cell)) / (size * size);  // what raises a cell must be able to move its vertices
+    // What raises a cell must be able to move its vertices.
+    hold[at(cell)] = kHold * barrier_share(at(cell)) / (size * size);
   });
   for (std::size_t s = 0; s < own_.sets.size(); ++s)
     team_.for_each(own_.sets[s].count, kCellsPerTask, [&](std::int32_t i) {
       const std::int32_t of_set = part_ ? part_->cells[s][at(i)] : i;
       const std::size_t cell = at(problem_.sets[s].first + of_set), own = at(own_.sets[s].first + i);
-      const double weight = share_of(cell) * factors_[cell];
+      const double weight = barrier_share(cell) * factors_[cell];
       weights_[own] = weight / cell_measure(own_.sets[s], i);
       stiff[own] = stiffness * weight;
     });

@@ -183,8 +183,8 @@ class Descent {
   const ProblemPart* part() const { return part_ ? &*part_ : nullptr; }
   /// With ranks: gets what the others know after a step.
   void gather_parts();
-  /// By CellSet::first + cell of the whole problem: the squared losses of the last ModalForm::gradient().
-  std::vector<double> squared_losses() const;
+  /// By CellSet::first + cell of the whole problem: loss_around() of the last ModalForm::gradient().
+  std::vector<double> losses_around() const;
   /// Of the barrier's last evaluation, by CellSet::first + cell of the whole problem.
   std::span<const CellScan> scans() const { return part_ ? scans_ : barrier_.scans(); }
   /// Brings what a round begins with to the device, if there is one.

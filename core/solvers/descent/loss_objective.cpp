@@ -25,8 +25,7 @@ LossObjective::LossObjective(Problem& problem, CellEnergy& energy, ModalForm& fo
       part_(part),
       own_nodes_(part != nullptr ? at(part->share.own_nodes) : problem.free.size()),
       unknowns_(own_nodes_ * at(problem.dimension)),
-      reduction_(part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
-                                 : WholeReduction(team, one_rank())) {
+      reduction_(whole_reduction(team, part)) {
   const std::size_t numbers = problem.free.size() * problem.dimension;
   for (auto* vector : {&gradient_, &start_, &step_, &residual_, &direction_, &product_}) resize_large(*vector, numbers);
   for (auto* vector : {&rough_direction_, &rough_product_})

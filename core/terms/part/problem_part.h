@@ -8,6 +8,7 @@
 #include "core/base/stop_token.h"
 #include "core/problem/problem.h"
 #include "core/ranks/halo.h"
+#include "core/ranks/whole_reduction.h"
 #include "core/terms/part/partition.h"
 
 namespace varimesh {
@@ -51,6 +52,12 @@ struct ProblemPart {
 /// The part of this rank in partition(). The whole problem must be the same on all ranks. `stop`: as
 /// ProblemShare::stop.
 ProblemPart part_of(const Problem& whole, const Ranks& ranks, const StopToken* stop = nullptr);
+
+/// Sums over the terms of all ranks that have a part; with null, over those of this process.
+inline WholeReduction whole_reduction(const Team& team, const ProblemPart* part) {
+  return part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
+                         : WholeReduction(team, one_rank());
+}
 
 /// By node of a problem: its place in Problem::free; −1 if it is not free.
 std::vector<std::int32_t> places_in_free(const Problem& problem);

@@ -29,8 +29,7 @@ ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, double wav
     : problem_(problem),
       space_(space),
       team_(team),
-      reduction_(part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
-                                 : WholeReduction(team, one_rank())),
+      reduction_(whole_reduction(team, part)),
       all_cells_(part != nullptr ? part->whole->cells : problem.cells),
       weights_(static_cast<std::size_t>(space.order) + 1),
       metrics_(problem.cells),

@@ -12,10 +12,7 @@ constexpr std::size_t kNumbersPerTask = 4096;
 }  // namespace
 
 OrderLevels::OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team, const ProblemPart* part)
-    : problem_(problem),
-      team_(team),
-      reduction_(part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
-                                 : WholeReduction(team, one_rank())) {
+    : problem_(problem), team_(team), reduction_(whole_reduction(team, part)) {
   for (int order = 1; order < own.order; ++order) lower_.push_back(lower_space(problem, order, team, part));
   for (const OrderSpace& space : lower_) {
     spaces_.push_back(&space);

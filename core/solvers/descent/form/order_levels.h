@@ -35,8 +35,8 @@ class OrderLevels {
   std::span<const OrderSpace* const> spaces() const { return spaces_; }
   const std::vector<std::vector<double>>& inverse_diagonals() const { return inverse_diagonals_; }
 
-  /// z = M⁻¹ r, d numbers per free node each. Returns r · z. With ranks, z is set at own nodes, and the numbers of r at
-  /// others are overwritten.
+  /// z = M⁻¹ r, d numbers per free node each. Returns r · z. With ranks, z is set at own nodes. Where another rank owns
+  /// the node, its number replaces what was in r.
   double apply(std::span<double> r, std::span<double> z);
 
  private:
