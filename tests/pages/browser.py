@@ -38,6 +38,7 @@ class Page:
         os.close(theirs_in), os.close(theirs_out)
         self.input, self.output, self.buffer = ours_in, ours_out, b""
         self.errors, self.requests, self.answers, self.last, self.session = [], [], {}, 0, None
+        self.names_of_downloads, self.saved = {}, set()
         targets = self.ask("Target.getTargets")["targetInfos"]
         target = next(one["targetId"] for one in targets if one["type"] == "page")
         self.session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -98,6 +99,10 @@ class Page:
             self.errors.append(facts["entry"]["text"] + " " + facts["entry"].get("url", ""))
         elif event == "Network.requestWillBeSent":
             self.requests.append(facts["request"]["url"])
+        elif event == "Page.downloadWillBegin":
+            self.names_of_downloads[facts["guid"]] = facts["suggestedFilename"]
+        elif event == "Page.downloadProgress" and facts["state"] == "completed":
+            self.saved.add(self.names_of_downloads[facts["guid"]])
 
     def look(self, width, height, dark=False):
         """Sets the size of the window, in CSS pixels, and the theme."""
@@ -144,6 +149,17 @@ class Page:
     def save_downloads(self, folder):
         """Lets the page save files, in this folder."""
         self.ask("Page.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+        self.downloads = Path(folder)
+
+    def downloaded(self, name, patience=30):
+        """
+        The path of a file that the page saves, once the browser says that it is whole. A file of this name exists before: the
+        browser reserves the name with an empty one.
+        """
+        deadline = time.monotonic() + patience
+        while name not in self.saved:
+            self.listen(deadline)
+        return self.downloads / name
 
     def value(self, expression):
         """The value of a JavaScript expression, as JSON. Waits for promises."""

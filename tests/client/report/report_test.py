@@ -5,7 +5,6 @@ import json
 import os
 import re
 import sys
-import time
 import unittest
 
 import browser
@@ -169,10 +168,7 @@ class Report(WithFolder):
         self.optimise(CASES / "sphere_p3.msh")
         self.page.save_downloads(self.folder)
         self.page.click("#pictures button", "Save as PNG")
-        files = [self.folder / f"sphere_p3-{snapshot}.png" for snapshot in ("before", "after")]
-        deadline = time.monotonic() + 20
-        while not all(file.exists() for file in files) and time.monotonic() < deadline:
-            time.sleep(0.05)
+        files = [self.page.downloaded(f"sphere_p3-{snapshot}.png") for snapshot in ("before", "after")]
         for number, file in enumerate(files, 1):
             size = self.page.value(f"""(() => {{ const view = document.querySelector('#pictures figure:nth-child({number}) canvas');
                 return [view.width, view.height]; }})()""")

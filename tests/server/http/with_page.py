@@ -2,7 +2,6 @@
 import json
 import os
 import sys
-import time
 from pathlib import Path
 
 SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
@@ -59,12 +58,7 @@ class WithPage(WithHttp):
         self.page.wait(f"document.querySelector('#state')?.dataset.state === '{state}'")
 
     def downloaded(self, name):
-        file = self.folder / name
-        deadline = time.monotonic() + 30
-        while not file.exists():
-            self.assertLess(time.monotonic(), deadline, os.listdir(self.folder))
-            time.sleep(0.02)
-        return file.read_bytes()
+        return self.page.downloaded(name).read_bytes()
 
     def faults_that_axe_finds(self):
         """What is hard to use for some people. VARIMESH_AXE names the file axe.min.js of axe-core."""
