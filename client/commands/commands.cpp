@@ -25,11 +25,12 @@ Actions for_one_process(Actions actions) {
 }
 
 /// All commands.
-Actions list(Command program, const QualityRun& quality, const OptimiseRun& optimise_one, const SeveralRun& several) {
+Actions list(Command program, const QualityRun& quality, const OptimiseRun& optimise_one, const SeveralRun& several,
+             bool keeps_checkpoints = false) {
   program.describe("varimesh",
                    "Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.",
                    std::string(version()));
-  return {{"optimise", add_optimise(program, optimise_one, several)},
+  return {{"optimise", add_optimise(program, optimise_one, several, keeps_checkpoints)},
           {"curve", add_curve(program)},
           {"mesh", add_mesh(program)},
           {"quality", add_quality(program, quality)},
@@ -67,7 +68,7 @@ Actions add_commands_of_ranks(Command program, const QualityRun& quality, const 
   const SeveralRun several = [refuse](const OptimiseArguments&, const std::vector<std::string>&, const std::string&) {
     return refuse("optimise --into");
   };
-  Actions actions = list(program, quality, optimise_together, several);
+  Actions actions = list(program, quality, optimise_together, several, true);
   for (auto& [name, action] : actions)
     if (name != "quality" && name != "optimise" &&
         std::ranges::find(kHarmlessTogether, name) == kHarmlessTogether.end())

@@ -8,7 +8,8 @@
 
 namespace varimesh::client {
 
-Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRun& run_several);
+/// @param keeps_checkpoints  the runs of one mesh keep their state in a file, if that is asked for
+Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRun& run_several, bool keeps_checkpoints);
 Action add_curve(Command program);
 Action add_mesh(Command program);
 Action add_layers(Command program);

@@ -31,7 +31,8 @@ int run(const Arguments& arguments, const OptimiseRun& run_one, const SeveralRun
 
 }  // namespace
 
-Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRun& run_several) {
+Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRun& run_several,
+                    bool keeps_checkpoints) {
   auto arguments = std::make_shared<Arguments>();
   Command command = program.add_command(
       "optimise", "Move interior nodes until every element is valid and the mesh accurate, and write the result");
@@ -40,6 +41,7 @@ Action add_optimise(Command program, const OptimiseRun& run_one, const SeveralRu
   command["input"].or_standard_input().help("The mesh file to read; with --into, several");
   add_geometry_flags(command, &arguments->run.input, true);
   add_run_flags(command, &arguments->run);
+  if (keeps_checkpoints) add_checkpoint_flags(command, &arguments->run);
   add_keep_orders_flag(command, &arguments->run.input.keep_orders);
   command
       .add("--into", &arguments->into,

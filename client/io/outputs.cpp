@@ -108,6 +108,20 @@ std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs) {
   return formats;
 }
 
+std::string interruption_text(const v1::Metrics& metrics, bool was_cut_short, const std::vector<Output>& outputs) {
+  std::string written;
+  for (const Output& output : outputs) written += (written.empty() ? "" : ", ") + output.path;
+  const int iterations = metrics.iterations();
+  const std::string when = !was_cut_short ? " after the run had ended; its result is in "
+                           : iterations == 0 && metrics.layers().has_grown()
+                               ? " before the first iteration; the mesh with its grown layer is in "
+                           : iterations == 0 ? " before the first iteration; the mesh as it came is in "
+                           : iterations == 1
+                               ? " after 1 iteration; the best mesh so far is in "
+                               : " after " + std::to_string(iterations) + " iterations; the best mesh so far is in ";
+  return "interrupted" + when + written;
+}
+
 Outcome<void> fetch(Client& client, const v1::Job& job, const std::vector<Output>& outputs) {
   for (const Output& output : outputs) {
     // The results are in the order of the formats in the job's spec.

@@ -35,6 +35,10 @@ bool any_is_standard_output(const std::vector<Output>& outputs);
 /// The formats of the outputs, each once.
 std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs);
 
+/// How an interrupt ended a run, and where its result is: "interrupted after 3 iterations; the best mesh so far is in
+/// wing.msh". `was_cut_short`: false if it came when the run had ended.
+std::string interruption_text(const v1::Metrics& metrics, bool was_cut_short, const std::vector<Output>& outputs);
+
 /// Fetches the job's results to the outputs.
 Outcome<void> fetch(Client& client, const v1::Job& job, const std::vector<Output>& outputs);
 

@@ -47,21 +47,6 @@ std::ostream& place_of_summary(const Delivery& delivery) {
   return any_is_standard_output(written) ? std::cerr : std::cout;
 }
 
-/// Says that an interrupt ended the job, or came after its end, and what was written.
-void print_interruption(const v1::Job& job, bool was_cut_short, const std::vector<Output>& outputs) {
-  std::string written;
-  for (const Output& output : outputs) written += (written.empty() ? "" : ", ") + output.path;
-  const int iterations = job.metrics().iterations();
-  std::cerr << "varimesh: interrupted"
-            << (!was_cut_short ? " after the run had ended; its result is in "
-                : iterations == 0 && job.metrics().layers().has_grown()
-                    ? " before the first iteration; the mesh with its grown layer is in "
-                : iterations == 0 ? " before the first iteration; the mesh as it came is in "
-                : iterations == 1 ? " after 1 iteration; the best mesh so far is in "
-                                  : " after " + std::to_string(iterations) + " iterations; the best mesh so far is in ")
-            << written << std::endl;
-}
-
 }  // namespace
 
 int status_with_layers(const v1::Job& job, int status) {
@@ -97,7 +82,7 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   const v1::Certified& certified = job.metrics().after().certified();
   const int status = status_with_layers(job, print_uncertified(certified.invalid(), certified.undecided()));
   if (!interrupted() || delivery.outputs.empty()) return status;
-  print_interruption(job, was_cut_short, delivery.outputs);
+  std::cerr << "varimesh: " << interruption_text(job.metrics(), was_cut_short, delivery.outputs) << std::endl;
   return kInterrupted;
 }
 

@@ -9,6 +9,7 @@
 #include "client/commands/commands.h"
 #include "client/mpi/optimise_of_ranks.h"
 #include "client/mpi/quality_of_ranks.h"
+#include "client/mpi/read_everywhere.h"
 #include "client/mpi/streams_in_turn.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
@@ -33,6 +34,7 @@ class Nowhere : public std::streambuf {
 }  // namespace
 
 int main(int argc, char** argv) {
+  client::catch_interrupts();  // MPI starts threads, which must leave the signals alone
   const MpiSession session;
   Nowhere nowhere;
   std::optional<client::StreamsInTurn> in_turn;
@@ -43,7 +45,8 @@ int main(int argc, char** argv) {
     std::cout.rdbuf(&nowhere);
     std::cerr.rdbuf(&nowhere);
   }
-  // If one rank ends with a sentence, mpirun interrupts the others, and they have nothing to add.
+  // If one rank ends with a sentence, mpirun interrupts the others, and they have nothing to add. The first rank says
+  // how a run ended that was interrupted.
   client::say_nothing_of_interrupts();
   const auto together = [&](const char* no_room, const auto& work) {
     try {

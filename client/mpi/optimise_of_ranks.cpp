@@ -15,8 +15,9 @@
 #include "client/io/outputs.h"
 #include "client/io/report_page.h"
 #include "client/io/summary.h"
-#include "client/library/input_file.h"
 #include "client/local/shared_run.h"
+#include "client/mpi/checkpoint_file.h"
+#include "client/mpi/read_everywhere.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/io/output_file.h"
@@ -43,7 +44,6 @@ Expected<void> check_flags(const OptimiseArguments& arguments) {
   if (options.order() > 0) return refuse("--order", "a change of order is not shared");
   if (options.repair() != v1::REPAIR_UNSPECIFIED && options.repair() != v1::REPAIR_NONE)
     return refuse("--repair", "repairs are not shared");
-  if (options.time_limit() > 0) return refuse("--time-limit", "processes would not end together");
   if (options.device() != v1::DEVICE_UNSPECIFIED && options.device() != v1::DEVICE_CPU)
     return refuse(options.device() == v1::DEVICE_GPU ? "--device gpu" : "--device auto", "processes share no device");
   if (!arguments.request_id.empty()) return refuse("--request-id", "there is no server to which it could be sent");
@@ -56,41 +56,6 @@ Expected<void> check_processors(const Ranks& ranks) {
   return bad_option(
       "The processors of the ranks have different vector instructions, so their numbers would differ; use machines of "
       "one kind.");
-}
-
-/// Calls work(), which returns Expected<void>, on this rank, and agrees on how it went.
-template <class Work>
-Expected<void> with_room(const Ranks& ranks, const Work& work) {
-  return ranks.together([&]() -> Expected<void> {
-    try {
-      return work();
-    } catch (const std::bad_alloc&) {
-      return bad_input(kNoRoomForMesh);
-    }
-  });
-}
-
-/// The bytes of the file, which the first rank reads. Errors are the same on all ranks.
-Expected<std::string> read_everywhere(const std::string& path, const Ranks& ranks) {
-  std::string bytes;
-  const auto read = with_room(ranks, [&]() -> Expected<void> {
-    if (!ranks.is_first()) return {};
-    const auto file = InputFile::open(path);
-    if (!file) return bad_input(file.error().sentence);
-    auto all = file->read_all();
-    if (!all) return bad_input(all.error().sentence);
-    bytes = std::move(*all);
-    return {};
-  });
-  if (!read) return tl::unexpected(read.error());
-  const std::int64_t size = ranks.sum(static_cast<std::int64_t>(bytes.size()));
-  const auto room = with_room(ranks, [&]() -> Expected<void> {
-    bytes.resize(static_cast<std::size_t>(size));
-    return {};
-  });
-  if (!room) return tl::unexpected(room.error());
-  broadcast(std::as_writable_bytes(std::span(bytes)), ranks);
-  return bytes;
 }
 
 /// The outputs of the first rank.
@@ -148,17 +113,24 @@ class Files {
   std::optional<Error> fault_;
 };
 
+/// The outputs, and what an interrupt of any rank has to do with them.
+struct Ending {
+  const std::vector<Output>& outputs;
+  bool interrupted = false;
+  const std::string &before, &after;  ///< The mesh and the result, for the report.
+};
+
 /// Writes the history and the report if they are asked for, prints what `varimesh optimise` prints, and returns the
-/// exit status. `before`, `after`: the mesh and the result, for the report.
-int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcome, const std::string& before,
-                 const std::string& after) {
+/// exit status.
+int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcome, const Ending& ending) {
   const std::vector<v1::Iteration> iterations(outcome.history.iterations().begin(), outcome.history.iterations().end());
   if (!arguments.history.empty())
     if (const auto written = write_history(arguments.history, iterations); !written)
       return print_error(written.error());
   if (!arguments.report.empty())
-    if (const auto written = write_run_report(arguments.report, arguments.input.mesh,
-                                              {outcome.metrics, arguments.options, iterations, before, after});
+    if (const auto written =
+            write_run_report(arguments.report, arguments.input.mesh,
+                             {outcome.metrics, arguments.options, iterations, ending.before, ending.after});
         !written)
       return print_error(written.error());
   if (arguments.common.json)
@@ -166,28 +138,56 @@ int print_result(const OptimiseArguments& arguments, const SharedOutcome& outcom
   else if (!arguments.common.quiet)
     std::cout << summary(outcome.metrics, arguments.options);
   const v1::Certified& certified = outcome.metrics.after().certified();
-  return print_uncertified(certified.invalid(), certified.undecided());
+  const int status = print_uncertified(certified.invalid(), certified.undecided());
+  if (!ending.interrupted) return status;
+  std::cerr << "varimesh: " << interruption_text(outcome.metrics, outcome.stopped, ending.outputs) << std::endl;
+  return kInterrupted;
+}
+
+/// Sets the outputs on the first rank, after a check that all files can be written. Errors: BadOption, Output.
+Expected<void> check_files(const OptimiseArguments& arguments, const Ranks& ranks, std::vector<Output>& outputs) {
+  return ranks.together([&]() -> Expected<void> {
+    if (!ranks.is_first()) return {};
+    auto checked = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
+    if (!checked) return tl::unexpected(checked.error());
+    outputs = std::move(*checked);
+    const std::vector<std::string> others{arguments.history, arguments.report, arguments.checkpoint};
+    std::vector<Output> written = outputs;
+    for (const std::string& path : others) written.push_back({path});
+    if (any_is_standard_output(written)) return refuse("standard output", "launchers mix what processes write to it");
+    return check_distinct(outputs, others, arguments.common.json);
+  });
+}
+
+/// Whether a limit or the caller has ended the run, so that it may go on later.
+bool may_go_on(const v1::Metrics& metrics) {
+  const v1::StopReason reason = metrics.stop_reason();
+  return reason == v1::STOP_REASON_STOPPED || reason == v1::STOP_REASON_TIME_LIMIT ||
+         reason == v1::STOP_REASON_ITERATIONS;
+}
+
+/// Lets the run keep its state in the file, and says once that this is not possible.
+void keep_state(CheckpointFile& file, SharedRun& run) {
+  run.checkpoint = file.state();
+  run.checkpoint_due = [&] { return file.is_due(); };
+  run.save_checkpoint = [&file, note = run.on_note, said = false](const WriteCheckpoint& write) mutable {
+    const auto saved = file.save(write);
+    if (!saved && note && !std::exchange(said, true)) note(saved.error().sentence + " The run goes on.");
+  };
 }
 
 }  // namespace
 
 int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks) {
-  end_at_first_interrupt();
+  std::optional<EndAtInterrupt> until_it_runs(std::in_place);
   if (const auto checked = check_flags(arguments); !checked) return print_error(checked.error());
   if (const auto same = check_processors(ranks); !same) return print_error(same.error());
   std::vector<Output> outputs;
-  const auto writable = ranks.together([&]() -> Expected<void> {
-    if (!ranks.is_first()) return {};
-    auto checked = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
-    if (!checked) return tl::unexpected(checked.error());
-    outputs = std::move(*checked);
-    std::vector<Output> written = outputs;
-    written.push_back({arguments.history});
-    written.push_back({arguments.report});
-    if (any_is_standard_output(written)) return refuse("standard output", "launchers mix what processes write to it");
-    return check_distinct(outputs, {arguments.history, arguments.report}, arguments.common.json);
-  });
-  if (!writable) return print_error(writable.error());
+  if (const auto writable = check_files(arguments, ranks, outputs); !writable) return print_error(writable.error());
+  CheckpointFile checkpoint(arguments.checkpoint, arguments.checkpoint_interval);
+  const bool keeps_state = !arguments.checkpoint.empty();
+  if (const auto read = keeps_state ? checkpoint.read(ranks) : Expected<void>(); !read)
+    return print_error(read.error());
   auto bytes = read_everywhere(arguments.input.mesh, ranks);
   if (!bytes) return print_error(bytes.error());
   // All ranks know the formats, so that a mesh that one cannot hold is refused by all.
@@ -203,12 +203,17 @@ int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks) {
   run.keep_orders = arguments.input.keep_orders;
   run.open_output = [&] { return files.open_next(); };
   if (!arguments.common.quiet) run.on_note = [](const std::string& note) { std::cerr << note << std::endl; };
+  run.on_begin = [&] { until_it_runs.reset(); };
+  run.stop_asked = interrupted;
+  if (keeps_state) keep_state(checkpoint, run);
   const auto outcome = run_shared(std::move(run), ranks);
+  const bool was_interrupted = ranks.any(interrupted());
   if (const auto written = files.check(); !written) return print_error(written.error());
   if (!outcome) return print_error(outcome.error());
   if (!ranks.is_first()) return kDone;
   if (const auto written = files.commit(); !written) return print_error(written.error());
-  return print_result(arguments, *outcome, before, files.kept());
+  if (keeps_state && !may_go_on(outcome->metrics)) checkpoint.remove();
+  return print_result(arguments, *outcome, {outputs, was_interrupted, before, files.kept()});
 }
 
 }  // namespace varimesh::client

@@ -6,11 +6,6 @@
 
 namespace varimesh::client {
 
-/// What to say if the memory of a rank is too small.
-inline constexpr const char* kNoRoomForMesh =
-    "There is not enough memory: each rank holds the whole mesh; use fewer ranks on each machine, or machines with "
-    "more memory.";
-
 /// All ranks call it, and all return the same exit status, but for the first one if it cannot write the result. The
 /// first rank reads the mesh and sends it to the others. What only one process can do is refused.
 int optimise_of_ranks(const OptimiseArguments& arguments, const Ranks& ranks);

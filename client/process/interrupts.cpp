@@ -6,6 +6,7 @@
 #include <atomic>
 #include <csignal>
 #include <thread>
+#include <utility>
 
 #include "client/process/exit_status.h"
 #include "client/process/temporary_folder.h"
@@ -34,6 +35,8 @@ void keep_calls_going() { calls_go_on = true; }
 void say_nothing_of_interrupts() { says_nothing = true; }
 
 void catch_interrupts() {
+  static bool does = false;
+  if (std::exchange(does, true)) return;
   // A thread waits for the signals, because a signal handler must not do what is needed here. All threads that are
   // started later inherit the mask and so leave the signals to this one.
   sigset_t signals;

@@ -4,7 +4,7 @@
 
 namespace varimesh::client {
 
-/// Starts to count interrupts. Call it first, before any thread is started.
+/// Starts to count interrupts, once. Call it first, before any thread is started.
 void catch_interrupts();
 
 /// Whether there has been an interrupt. A command that has something to put in order, such as a job to cancel, does so

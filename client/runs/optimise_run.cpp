@@ -203,6 +203,19 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
   add_layer_flags(command, &arguments->layers, false);
 }
 
+void add_checkpoint_flags(Command command, OptimiseArguments* arguments) {
+  command
+      .add("--checkpoint", &arguments->checkpoint,
+           "Keep the state of the run in this file, and go on from it if it is there; removed when the run ends by "
+           "itself")
+      .value("FILE");
+  command
+      .add("--checkpoint-interval", &arguments->checkpoint_interval,
+           "Save the state after an iteration when so many seconds have passed since the last time; 60 by default")
+      .value("SECONDS")
+      .not_negative();
+}
+
 int check_curve(OptimiseArguments arguments) {
   arguments.common.quiet = true;  // curve() says it
   if (const auto fine = take_layers(&arguments); !fine) return print_error(fine.error());

@@ -19,6 +19,8 @@ struct OptimiseArguments {
   std::string name;  ///< What messages and the report call the mesh; empty: its path.
   std::vector<std::string> outputs;
   std::string format, history, report, request_id;
+  std::string checkpoint;           ///< Only of several processes that share the run, as is
+  double checkpoint_interval = 60;  ///< in seconds.
   v1::Options options;
   LayerFlags layers;
   std::optional<v1::Layers> wanted_layers;  ///< From the flags; set by optimise() and curve().
@@ -26,6 +28,9 @@ struct OptimiseArguments {
 
 /// Adds all flags except those of the input.
 void add_run_flags(Command command, OptimiseArguments* arguments);
+
+/// Adds the flags of a run that several processes share.
+void add_checkpoint_flags(Command command, OptimiseArguments* arguments);
 
 /// Runs the job and returns the exit status.
 int optimise(OptimiseArguments arguments);

@@ -18,10 +18,15 @@ struct Interrupted {};
 ///
 /// To look costs a relaxed load. If there is a question or a time limit, it also costs the question or a reading of the
 /// clock, some 30 ns. So pieces of work should take a microsecond or more.
+///
+/// Processes that share work each have a token, and an agreement. What one of them wishes then has no effect until all
+/// look together, at the same point of their work. They find the same, so none is left waiting for another.
 class StopToken {
  public:
   /// Why to stop.
   enum class Reason : std::uint8_t { None, Asked, TimeLimit };
+  /// All processes call it together. Gets why this one is to stop, and returns why all are: the same for each.
+  using Agreement = std::function<Reason(Reason mine)>;
 
   /// Stops never, until it is given a time limit.
   StopToken() = default;
@@ -37,19 +42,40 @@ class StopToken {
                     : Clock::time_point::max();
   }
 
+  /// From now on only a look of all finds a new wish. No thread may look meanwhile.
+  void stop_together(Agreement agreement) { agreement_ = std::move(agreement); }
+
   /// Why to stop, as of the last look.
   Reason reason() const { return reason_.load(std::memory_order_relaxed); }
+
+  /// Why this process is to stop, whether or not others agree. It is no look.
+  Reason wish() const {
+    if (reason() != Reason::None) return reason();
+    if (asked_ && asked_()) return Reason::Asked;
+    return deadline_ != Clock::time_point::max() && Clock::now() >= deadline_ ? Reason::TimeLimit : Reason::None;
+  }
 
   /// A look: whether to stop.
   bool stopped() const {
     if (reason() != Reason::None) return true;
-    if (asked_ && asked_()) return stop_for(Reason::Asked);
-    return deadline_ != Clock::time_point::max() && Clock::now() >= deadline_ && stop_for(Reason::TimeLimit);
+    if (agreement_) return false;
+    const Reason mine = wish();
+    return mine != Reason::None && stop_for(mine);
+  }
+
+  /// A look of all processes that have an agreement, which all call it. Without an agreement it is a look.
+  bool stopped_together() const {
+    if (agreement_ && reason() == Reason::None)
+      if (const Reason ours = agreement_(wish()); ours != Reason::None) stop_for(ours);
+    return stopped();
   }
 
   /// A look that throws Interrupted if the work is to stop.
   void look() const {
     if (stopped()) throw Interrupted();
+  }
+  void look_together() const {
+    if (stopped_together()) throw Interrupted();
   }
 
  private:
@@ -62,6 +88,7 @@ class StopToken {
   }
 
   std::function<bool()> asked_;
+  Agreement agreement_;
   Clock::time_point deadline_ = Clock::time_point::max();
   mutable std::atomic<Reason> reason_ = Reason::None;
 };

@@ -29,6 +29,11 @@ class Team {
   const StopToken* stop() const { return stop_; }
   /// A look at the token, if there is one. Loops over long work look by themselves between calls of for_each().
   void look() const { varimesh::look(stop_); }
+  /// The same, together with other processes if the token is one of several (StopToken::stopped_together()). For the
+  /// thread that runs the team, between loops.
+  void look_together() const {
+    if (stop_ != nullptr) stop_->look_together();
+  }
   /// The same threads without the token.
   Team without_stop() const { return Team(threads_); }
 

@@ -9,6 +9,7 @@
 #include "core/base/team.h"
 #include "core/optimise/result.h"
 #include "core/quality/certified_quality.h"
+#include "core/ranks/stop_together.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
@@ -17,9 +18,12 @@ namespace varimesh {
 /// may be called inside team.run().
 class Grace {
  public:
-  /// `stop` is the token of the run, and `cells` the number of cells of the mesh.
-  Grace(Team& team, StopToken& stop, std::size_t cells)
-      : team_(team), stop_(stop), seconds_(kSeconds + kSecondsPerCell * static_cast<double>(cells)) {}
+  /// `stop` is the token of the run, and `cells` the number of cells of the mesh. `ranks`: that share the run, and call
+  /// everything together; `stop` is a token of all of them.
+  Grace(Team& team, StopToken& stop, std::size_t cells, const Ranks& ranks = one_rank())
+      : team_(team), stop_(stop), seconds_(kSeconds + kSecondsPerCell * static_cast<double>(cells)), ranks_(ranks) {
+    stop_together(left_, ranks);
+  }
 
   /// From now on the team looks at the token of the run.
   void watch() { team_.set_stop(&stop_); }
@@ -60,8 +64,10 @@ class Grace {
   bool has_begun() const { return team_.stop() == &left_; }
 
   template <class Work>
-  static bool is_done(const Work& work) {
+  bool is_done(const Work& work) {
     try {
+      // All ranks begin it or none does, however long each then works before it looks.
+      if (ranks_.count() > 1) team_.look_together();
       work();
       return true;
     } catch (const Interrupted&) {
@@ -72,6 +78,7 @@ class Grace {
   Team& team_;
   StopToken& stop_;
   double seconds_;
+  const Ranks& ranks_;
   StopToken left_;
 };
 

@@ -74,7 +74,7 @@ Run::Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& contr
       judge_(make_judge(control.device, set_up.mesh.dimension)),
       certifier_(make_certifier(set_up.mesh, judge_.get(), team_)),
       certificates_(certifier_->cells()),
-      grace_(team_, stop, certifier_->cells()) {
+      grace_(team_, stop, certifier_->cells(), sharers()) {
   if (control.ranks != nullptr) of_ranks_.emplace(*control.ranks);
 }
 
@@ -345,6 +345,7 @@ void Run::descend(bool last) {
   const std::uint64_t fingerprint = fingerprint_of_stage();
   if (control_.forecast != nullptr) control_.forecast->descent(stage_run_->seconds());
   while (may_go_on()) {
+    team_.look_together();
     if (control_.threads) team_.set_threads(control_.threads());
     const DescentRound round = descent_->round();
     last = round.last;

@@ -92,8 +92,14 @@ struct RunControl {
   /// The ranks that share this run; null: one process runs it. All ranks call optimise() with the same mesh and the
   /// same options. They share the steps of Newton's method and of the descent, certificates, samples of quality and
   /// losses, and each rank does the rest of the run by itself. All get the result that one process gets. A shared run
-  /// uses no device and no checkpoint, has no time limit, and does not ask stop_asked. on_iteration must return the
-  /// same on all ranks. The object must outlive the run.
+  /// uses no device and splits no elements.
+  ///
+  /// All ranks end a run together, if one of them is asked to, or its time is over, or its on_iteration says so. They
+  /// look at that less often than one process: between iterations, at sums over all ranks, before certificates and
+  /// samples. checkpoint_due and save_checkpoint are called on the first rank only, but all have them or none. `write`
+  /// works once. All ranks have the same checkpoint, and any number of ranks goes on from what any other has saved.
+  ///
+  /// The object must outlive the run.
   const Ranks* ranks = nullptr;
 };
 

@@ -82,7 +82,7 @@ StageContext Run::context() {
 std::optional<StopReason> Run::begin() {
   place_problem();
   grace_.watch();
-  team_.look();
+  team_.look_together();
   std::optional<StopReason> nothing_to_do;
   team_.run([&] {
     set_up_stage();
@@ -138,6 +138,7 @@ void Run::iterate() {
   bool stopped = false;
   std::optional<StopReason> reason;
   while (!stopped && !reason) {
+    team_.look_together();
     if (control_.threads) team_.set_threads(control_.threads());
     team_.run([&] { reason = stage_run_->step(); });
     if (stage_ > 0 && raised_enough() && !reason) reason = StopReason::NoProgress;

@@ -12,6 +12,7 @@
 #include "core/base/work_meter.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
+#include "core/ranks/ranks.h"
 #include "core/solvers/checkpoint.h"
 #include "core/solvers/descent/descent.h"
 #include "core/solvers/guard/best_mesh.h"
@@ -96,7 +97,8 @@ class StageRun {
 
   const Iteration& last() const { return iteration_; }
   bool converged() const { return converged_; }
-  double seconds() const { return watch_.seconds(); }
+  /// Since the run began. With ranks, of the slowest: all call it together.
+  double seconds() const { return ranks_ != nullptr ? ranks_->largest(watch_.seconds()) : watch_.seconds(); }
   std::vector<Iteration> take_history() { return std::move(history_); }
   RaiseMemory take_raised() { return raiser_.take_memory(); }
 

@@ -42,7 +42,8 @@ class CoarseLevel {
   /// How many cells and rows assemble() goes through.
   std::int64_t assembly_work() const;
 
-  /// Reads or writes what the matrix is made from, if it will be used again (`is_used`).
+  /// Reads or writes what the matrix is made from, if it will be used again (`is_used`). With a part that is the whole
+  /// problem's, so any number of ranks reads what any other has written, and all ranks call it together.
   template <class Archive>
   void state(Archive& archive, bool is_used) {
     tensors_state(archive, is_used);
@@ -52,12 +53,18 @@ class CoarseLevel {
   /// The same, and leaves the matrix to those who run the cycle elsewhere.
   template <class Archive>
   void tensors_state(Archive& archive, bool is_used) {
-    for (std::vector<float>& tensors : tensors_) {
-      const std::size_t size = tensors.size();
-      if (is_used) archive(tensors);
-      if constexpr (Archive::kReads)
+    for (std::size_t set = 0; set < tensors_.size() && is_used; ++set) {
+      const std::size_t width = at(tensor_size(problem_.dimension));
+      std::vector<float> whole;
+      if (part_ != nullptr && !Archive::kReads) whole = gather_set(*part_, set, tensors_[set], width);
+      std::vector<float>& tensors = part_ != nullptr ? whole : tensors_[set];
+      const std::size_t size = at((part_ != nullptr ? *part_->whole : problem_).sets[set].count) * width;
+      archive(tensors);
+      if constexpr (Archive::kReads) {
         if (tensors.size() != size) archive.fail();
-      tensors.resize(size);
+        tensors.resize(size);
+        if (part_ != nullptr) take_of_set(*part_, set, whole, width, tensors_[set]);
+      }
     }
   }
 

@@ -50,8 +50,7 @@ Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchSet>& ba
       stretched_(whole_of(problem, part), batches, StretchedCells::most_cells(whole_of(problem, part)), team, part),
       kernels_(make_coarse_kernels(problem.dimension)),
       inverse_blocks_(own_nodes_ * triangle_size(problem.dimension)),
-      reduction_(team, part != nullptr ? *part->share.ranks : one_rank(),
-                 part != nullptr ? part->share.stop : nullptr) {
+      reduction_(whole_reduction(team, part)) {
   team.for_ranges(inverse_blocks_.size(), kFloatsPerTask, [&](std::size_t begin, std::size_t end) {
     std::fill_n(inverse_blocks_.data() + begin, end - begin, 0.0F);
   });

@@ -193,17 +193,7 @@ std::vector<std::vector<float>> StretchedCells::gather_if_stretched(
   count = part_->share.ranks->sum(count);
   if (count == 0 || count > most_cells_) return {};
   std::vector<std::vector<float>> all;
-  for (std::size_t s = 0; s < problem_.sets.size(); ++s) {
-    const std::size_t own = at(part_->problem.sets[s].count);
-    std::vector<std::int32_t> cells(part_->cells[s].begin(),
-                                    part_->cells[s].begin() + static_cast<std::ptrdiff_t>(own));
-    cells = part_->share.ranks->gather_everywhere(cells);
-    const std::vector<float> came = part_->share.ranks->gather_everywhere(
-        std::vector<float>(tensors[s].begin(), tensors[s].begin() + static_cast<std::ptrdiff_t>(own * size)));
-    std::vector<float>& of_set = all.emplace_back(at(problem_.sets[s].count) * size);
-    for (std::size_t i = 0; i < cells.size(); ++i)
-      std::copy_n(came.data() + i * size, size, of_set.data() + at(cells[i]) * size);
-  }
+  for (std::size_t s = 0; s < problem_.sets.size(); ++s) all.push_back(gather_set(*part_, s, tensors[s], size));
   return all;
 }
 

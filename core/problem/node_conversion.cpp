@@ -18,6 +18,7 @@ using reference::NodeSet;
 constexpr std::int32_t kCellsPerTask = 256;
 /// Few cells are converted sooner than their coordinates go from rank to rank.
 constexpr std::size_t kFewestToShare = 256;
+constexpr std::size_t kCellsPerExchange = 1 << 13;  // whose coordinates go to all ranks at a time
 constexpr std::size_t kNodesPerTask = 16384;
 constexpr double kRounding = 1e-13;  // entries that should be 0 or 1 differ from it by less
 
@@ -190,6 +191,13 @@ void NodeConversion::for_owned(std::span<const std::int32_t> cells, const Use& u
 void NodeConversion::update(std::span<const double> after, std::span<const std::int32_t> cells,
                             std::span<double> coordinates, const Team& team, const Ranks& ranks) const {
   if (ranks.count() == 1 || cells.size() < kFewestToShare) return update_here(after, cells, coordinates, team);
+  // In pieces, because a list of all coordinates would be one of the largest arrays of a run.
+  for (; !cells.empty(); cells = cells.subspan(std::min(cells.size(), kCellsPerExchange)))
+    update_together(after, cells.first(std::min(cells.size(), kCellsPerExchange)), coordinates, team, ranks);
+}
+
+void NodeConversion::update_together(std::span<const double> after, std::span<const std::int32_t> cells,
+                                     std::span<double> coordinates, const Team& team, const Ranks& ranks) const {
   const auto [begin, end] = share_of(cells.size(), ranks);
   const std::span<const std::int32_t> mine = cells.subspan(begin, end - begin);
   update_here(after, mine, coordinates, team);

@@ -72,6 +72,8 @@ class NodeConversion {
     const ConversionRows* rows;
   };
 
+  void update_together(std::span<const double> after, std::span<const std::int32_t> cells,
+                       std::span<double> coordinates, const Team& team, const Ranks& ranks) const;
   void update_here(std::span<const double> after, std::span<const std::int32_t> cells, std::span<double> coordinates,
                    const Team& team) const;
   /// Calls use(number) for each of the coordinates that these cells set, by its place among all coordinates.

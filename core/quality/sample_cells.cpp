@@ -49,6 +49,7 @@ void sample_cells(const HighOrderMesh& mesh, std::span<const double> coordinates
 bool SamplesOfRanks::sample(const HighOrderMesh& mesh, std::span<const double> coordinates, int intervals,
                             const Team& team, std::vector<Extremes>& cells) {
   const std::vector<CellBatch> batches = batches_to_sample(mesh);
+  team.look_together();
   const auto [begin, end] = share_of(batches.size(), ranks_);
   sample_cells(mesh, coordinates, intervals, std::span(batches).subspan(begin, end - begin), team, cells);
   // Batches follow each other, so the cells of a share are a range.

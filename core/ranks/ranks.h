@@ -1,11 +1,13 @@
 // Ranks: processes, perhaps on several machines, that work on parts of one mesh and have no memory in common.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <exception>
 #include <new>
+#include <numeric>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -93,10 +95,26 @@ class Ranks {
     to[0] = bytes_of(part);
     return joined<T>(exchange(std::move(to)));
   }
-  /// The same on all ranks.
+  /// The same on all ranks. No rank needs memory for another copy of the lists.
   template <class T>
   std::vector<T> gather_everywhere(const std::vector<T>& part) const {
-    return joined<T>(exchange(std::vector<Bytes>(static_cast<std::size_t>(count()), bytes_of(part))));
+    static_assert(std::is_trivially_copyable_v<T>);
+    std::vector<std::int64_t> sizes(static_cast<std::size_t>(count()));
+    sizes[static_cast<std::size_t>(rank())] = static_cast<std::int64_t>(part.size());
+    sum(std::span(sizes));
+    std::vector<T> all(static_cast<std::size_t>(std::accumulate(sizes.begin(), sizes.end(), std::int64_t{0})));
+    std::vector<Message> messages;
+    std::span<T> rest(all);
+    for (int other = 0; other < count(); ++other) {
+      const std::span<T> theirs = rest.first(static_cast<std::size_t>(sizes[static_cast<std::size_t>(other)]));
+      rest = rest.subspan(theirs.size());
+      if (other == rank())
+        std::copy(part.begin(), part.end(), theirs.begin());
+      else
+        messages.push_back({other, std::as_bytes(std::span(part)), std::as_writable_bytes(theirs)});
+    }
+    exchange(messages);
+    return all;
   }
   /// Sends lists to the ranks, and returns those that came, by rank.
   template <class T>

@@ -4,8 +4,8 @@
 #include <cstddef>
 
 #include "core/base/reduction.h"
-#include "core/base/stop_token.h"
 #include "core/ranks/ranks.h"
+#include "core/ranks/stop_together.h"
 
 namespace varimesh {
 
@@ -13,13 +13,11 @@ namespace varimesh {
 /// rank has the terms of some of these blocks. The results have the bits of a Reduction of one process over all terms.
 /// All ranks call each function together, inside team.run(). With one rank it is a Reduction.
 ///
-/// With several ranks the team must have no token, because a rank that stops by itself leaves the others waiting. The
-/// token is `stop`, which may be null. The ranks look at it whenever they take a sum, and throw Interrupted together if
-/// one of them is to stop.
+/// With several ranks, the team's token must be one of all ranks (stop_together()), or none must have one. Whenever the
+/// ranks take a sum, they look together, without another message.
 class WholeReduction {
  public:
-  WholeReduction(const Team& team, const Ranks& ranks, const StopToken* stop = nullptr)
-      : reduction_(team), ranks_(ranks), stop_(stop) {}
+  WholeReduction(const Team& team, const Ranks& ranks) : team_(team), reduction_(team), ranks_(ranks) {}
 
   const Ranks& ranks() const { return ranks_; }
 
@@ -45,15 +43,16 @@ class WholeReduction {
 
  private:
   double of_all(const ExactSum& mine) const {
+    const StopToken* const stop = team_.stop();
     bool stops = false;
-    const double sum = ranks_.sum(mine, stop_ != nullptr && stop_->stopped(), stops);
-    if (stops) throw Interrupted();
+    const double sum = ranks_.sum(mine, stop != nullptr && stop->wish() != StopToken::Reason::None, stops);
+    if (stops) team_.look_together();
     return sum;
   }
 
+  const Team& team_;
   Reduction reduction_;
   const Ranks& ranks_;
-  const StopToken* stop_;
 };
 
 }  // namespace varimesh

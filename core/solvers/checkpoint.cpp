@@ -4,7 +4,8 @@ namespace varimesh {
 namespace {
 
 /// Names the layout and the meaning of its numbers. Raise the number with every change of either.
-constexpr std::string_view kMark = "VariMesh checkpoint 13\n";
+constexpr std::string_view kName = "VariMesh checkpoint ", kMark = "VariMesh checkpoint 13\n";
+static_assert(kMark.starts_with(kName));
 constexpr std::size_t kPiece = 256 << 10;
 
 std::uint64_t mixed(std::uint64_t hash, std::uint64_t word) {
@@ -51,6 +52,8 @@ std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fi
   for (const double number : {o.mu, o.lambda, o.kappa, o.tolerance, o.until_js, o.min_js, o.p_norm}) print.add(number);
   return print.value();
 }
+
+bool is_checkpoint(std::string_view bytes) { return bytes.starts_with(kName); }
 
 CheckpointWriter::CheckpointWriter(ByteSink sink, std::uint64_t fingerprint) : sink_(std::move(sink)) {
   pending_.reserve(2 * kPiece);

@@ -43,6 +43,9 @@ class Fingerprint {
 std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const StretchField& target,
                           const Options& options);
 
+/// Whether bytes begin as every checkpoint does, of whatever version, mesh and options.
+bool is_checkpoint(std::string_view bytes);
+
 /// Writes numbers as they are in this machine's memory, gathered into larger pieces, and a checksum at the end.
 class CheckpointWriter {
  public:

@@ -38,7 +38,7 @@ CellEnergy::CellEnergy(Problem& problem, const Kernels& kernels, const HessianKe
       team_(team),
       share_(share),
       own_nodes_(share != nullptr ? share->own_nodes : static_cast<std::int32_t>(problem.free.size())),
-      reduction_(team, share != nullptr ? *share->ranks : one_rank(), share != nullptr ? share->stop : nullptr),
+      reduction_(team, share != nullptr ? *share->ranks : one_rank()),
       batches_(make_batches(problem, hessian, team)),
       scans_(at(problem.cells)) {
   if (share_ != nullptr) make_room_for_ghosts();

@@ -184,6 +184,7 @@ std::vector<char> Certifier::sound_with_straight_sides(std::span<const double> c
 void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                         std::span<Certificate> certificates, const Team& team, const Ranks& ranks) const {
   if (ranks.count() == 1 || cells.size() < kFewestToShare) return certify_here(coordinates, cells, certificates, team);
+  team.look_together();
   const auto [begin, end] = share_of(cells.size(), ranks);
   const std::span<const std::int32_t> mine = cells.subspan(begin, end - begin);
   certify_here(coordinates, mine, certificates, team);

@@ -21,6 +21,7 @@
 #include "core/optimise/run.h"
 #include "core/optimise/sequences/ways.h"
 #include "core/optimise/sequences/work.h"
+#include "core/ranks/ranks.h"
 
 namespace varimesh {
 namespace {
@@ -200,10 +201,14 @@ class Attempts {
 
   bool may_go_on() const {
     const Options& options = set_up_.options;
-    return !stopped_ && work_ < most_work_ && !stop_.stopped() && result_.iterations < options.max_iterations &&
-           (options.time_limit <= 0 || seconds() < options.time_limit);
+    return !stopped_ && work_ < most_work_ && !stop_.stopped_together() &&
+           result_.iterations < options.max_iterations && (options.time_limit <= 0 || seconds() < options.time_limit);
   }
-  double seconds() const { return result_.seconds + watch_.seconds(); }
+  /// With ranks, those of the slowest: all call it together.
+  double seconds() const {
+    const double mine = result_.seconds + watch_.seconds();
+    return control_.ranks != nullptr ? control_.ranks->largest(mine) : mine;
+  }
 
   /// Attempts have set-ups of their own, so that of the run keeps only the mesh.
   void free_tables() {

@@ -10,7 +10,6 @@
 
 #include "core/base/index.h"
 #include "core/base/team.h"
-#include "core/device/fault.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/forecast/forecast.h"
 #include "core/merit/merit.h"
@@ -20,10 +19,11 @@
 #include "core/optimise/device/device_choice.h"
 #include "core/optimise/run.h"
 #include "core/optimise/sequences/attempts.h"
+#include "core/optimise/sequences/control_of_ranks.h"
 #include "core/optimise/sequences/splitting.h"
 #include "core/optimise/set_up.h"
 #include "core/problem/fixed_nodes.h"
-#include "core/ranks/ranks.h"
+#include "core/ranks/stop_together.h"
 #include "core/validity/orientation.h"
 
 namespace varimesh {
@@ -96,25 +96,6 @@ Tried tried_by(const Options& options, const RunSummary& result, const OtherWays
   return tried;
 }
 
-/// The control without what a single rank would learn alone, such as a request to stop, if several ranks share the run.
-/// Errors: BadOption if a time limit is asked for.
-Expected<RunControl> control_of_ranks(RunControl control, const Options& options) {
-  if (control.ranks == nullptr || control.ranks->count() == 1) {
-    control.ranks = nullptr;
-    return control;
-  }
-  if (options.time_limit > 0)
-    return bad_option(
-        "time_limit ends no run of several processes, because they would not end together; leave it at 0.");
-  control.stop_asked = {};
-  control.checkpoint = {};
-  control.checkpoint_due = {};
-  control.open_device = [] {
-    return device::fault(device::Fault::Kind::NoDriver, "Several processes that share a run use no device.");
-  };
-  return control;
-}
-
 /// Optimises the mesh of the set-up, with splits if they were asked for. Says what is left.
 Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl control, StopToken& stop) {
   const Options& options = set_up.options;
@@ -123,7 +104,7 @@ Result optimise_set_up(SetUp& set_up, const OnIteration& tell, RunControl contro
   const OnIteration on_iteration = [&](Iteration iteration) {
     iteration.seconds_left = forecast.seconds_left(iteration.seconds).value_or(-1);
     if (control.meter != nullptr) control.meter->expect_end_in(iteration.seconds_left);
-    return tell ? tell(iteration) : Control::Continue;
+    return told_by_all(tell, iteration, control);
   };
   if (options.time_limit > 0) stop.stop_after(options.time_limit - set_up.seconds);
   std::optional<DeviceOfRun> device;
@@ -182,12 +163,16 @@ Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIt
   return optimise(std::move(*passed), options, on_iteration, control);
 }
 
-Expected<Result> optimise(CheckedMesh mesh, const Options& options, const OnIteration& on_iteration,
+Expected<Result> optimise(CheckedMesh mesh, const Options& given_options, const OnIteration& on_iteration,
                           const RunControl& given) {
-  const Expected<RunControl> together = control_of_ranks(given, options);
+  const Expected<RunControl> together = control_of_ranks(given, given_options);
   if (!together) return tl::unexpected(together.error());
   const RunControl& control = *together;
+  Options options = given_options;
+  // Whoever took from it what reading the mesh took has another one on each rank.
+  if (options.time_limit > 0) options.time_limit = ranks_of(control).smallest(options.time_limit);
   StopToken stop(control.stop_asked);
+  stop_together(stop, ranks_of(control));
   if (options.time_limit > 0) stop.stop_after(options.time_limit - mesh.seconds);
   // Before it is stopped, a run that goes on from a checkpoint must have the mesh that it had come to.
   const bool may_stop = control.checkpoint.empty();
@@ -255,6 +240,7 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
     (*prepared)->clockwise = std::move(set_up_->clockwise);  // the cells of this copy were turned already
     set_up_ = std::move(*prepared);
     StopToken stop(control.stop_asked);
+    stop_together(stop, ranks_of(control));
     return optimise_set_up(*set_up_, on_iteration, control, stop);
   }
   HighOrderMesh& mesh = set_up_->mesh;
@@ -273,6 +259,7 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
     }
   }
   StopToken stop(control.stop_asked);
+  stop_together(stop, ranks_of(control));
   return optimise_set_up(*set_up_, on_iteration, control, stop);
 }
 

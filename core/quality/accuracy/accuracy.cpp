@@ -115,6 +115,7 @@ CellAccuracy measure_parts(const HighOrderMesh& mesh, std::span<const double> co
   found.modal_parts.resize(cells * found.parts);
   found.volumes.resize(cells);
   const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kAccuracyBatch; });
+  if (sharers.count() > 1) team.look_together();
   const RankShare mine = share_of(batches.size(), sharers);
   team.for_ranges(mine.end - mine.begin, 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t batch = mine.begin + begin; batch < mine.begin + end; ++batch)

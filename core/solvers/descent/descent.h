@@ -135,7 +135,8 @@ class Descent {
   /// The best mesh so far: What::Loss of core/merit/merit.h, with the scaled Jacobian of the context as the bound.
   const State& best() const { return best_; }
 
-  /// Writes what the rounds so far have left, beside problem.positions and the guard's state, to a checkpoint.
+  /// Writes what the rounds so far have left, beside problem.positions and the guard's state, to a checkpoint, which
+  /// does not depend on the number of ranks.
   void write(CheckpointWriter& writer);
   /// In place of the constructor and begin(): goes on from such a checkpoint. problem.positions and the guard have the
   /// state of that moment. Inside team.run(). The reader has failed if the checkpoint is of another problem.

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/base/index.h"
 #include "core/solvers/descent/descent.h"
 
 namespace varimesh {
@@ -19,7 +20,7 @@ void Descent::state(Archive& archive) {
 }
 
 void Descent::write(CheckpointWriter& writer) {
-  writer(from_);
+  writer(part_ ? gather_free(*part_, from_) : from_);
   for (const CellSet& set : problem_.sets)
     writer(std::vector<double>(set.delta_squared.begin(), set.delta_squared.end()));
   state(writer);
@@ -45,13 +46,13 @@ void Descent::read(std::optional<Descent>& descent, const DescentContext& contex
 
 bool Descent::restore(const std::vector<double>& accepted) {
   accepted_ = problem_.positions;
-  if (!set_free_positions(problem_, accepted, accepted_) || factors_.size() != weights_.size() ||
+  if (!set_free_positions(problem_, accepted, accepted_) || factors_.size() != at(problem_.cells) ||
       earlier_minima_.size() != kRoundsOfPace || best_.coordinates.size() != context_.mesh.coordinates.size())
     return false;
   if (context_.came_valid) asked_.loss_as_it_came = start_loss_;
   State best = best_;
   best.certificates.resize(context_.certifier.cells());
-  context_.certifier.certify(best.coordinates, best.certificates, team_);
+  context_.certifier.certify(best.coordinates, best.certificates, team_, sharers());
   judge(best.coordinates, best);
   best_.certificates = std::move(best.certificates);
   return true;

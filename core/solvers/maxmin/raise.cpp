@@ -193,7 +193,7 @@ class Raiser {
 
   /// Returns false if the cell cannot be raised in a larger patch either.
   bool raise_patch(std::int32_t cell, int layers) {
-    team_.look();
+    team_.look_together();
     const std::vector<std::int32_t> around = at_vertices_.around(cells_, cell, layers);
     const std::vector<std::int32_t> free = free_nodes(around);
     std::vector<MaxMinPatch::Cell> taken = patch_cells(around);

@@ -21,7 +21,7 @@ MeshObjective::MeshObjective(Problem& problem, const Kernels& kernels, const Hes
       team_(team),
       part_(part),
       own_nodes_(part != nullptr ? at(part->share.own_nodes) : problem.free.size()),
-      reduction_(team, part != nullptr ? *part->share.ranks : one_rank(), part != nullptr ? part->share.stop : nullptr),
+      reduction_(whole_reduction(team, part)),
       energy_(problem, kernels, hessian, norm, team, part != nullptr ? &part->share : nullptr),
       preconditioner_(problem, energy_.batches(), team, part),
       unknowns_(own_nodes_ * at(problem.dimension)),

@@ -20,8 +20,7 @@ namespace varimesh {
 ///
 /// With the part that a rank has of a whole problem, the rank's own free nodes are the unknowns here. All ranks call
 /// the functions of Minimised together. They get the same numbers, and each its own unknowns with the bits that they
-/// have without ranks. The positions of the part's other nodes follow. Only ProblemShare::stop interrupts them, all at
-/// once.
+/// have without ranks. The positions of the part's other nodes follow. The token interrupts all ranks at the same sum.
 class MeshObjective final : public Minimised {
  public:
   MeshObjective(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,

@@ -37,9 +37,9 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
 }
 
 Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
-               double tolerance, const Team& team, const Ranks& ranks, const StopToken* stop)
+               double tolerance, const Team& team, const Ranks& ranks)
     : problem_(problem), kernels_(kernels), hessian_(hessian), norm_(norm), tolerance_(tolerance), team_(team) {
-  part_.emplace(part_of(problem, ranks, stop));
+  part_.emplace(part_of(problem, ranks));
   scans_.resize(at(problem.cells));
   use_processor();
   method_.emplace(*on_processor_, rules(tolerance));

@@ -32,9 +32,9 @@ class Newton {
          const Team& team, device::RunDevice& device, const Material& material);
   /// The same by these ranks, each of which has the whole problem and works on a part of it. All call step() together,
   /// and afterwards all have the positions of all nodes and the scans of all cells, with the bits of a Newton without
-  /// ranks. `stop`: at whose wish on any rank all are interrupted; may be null. `team` has no token of its own.
+  /// ranks. The team's token is one of all ranks (core/ranks/stop_together.h), or there is none.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
-         const Team& team, const Ranks& ranks, const StopToken* stop = nullptr);
+         const Team& team, const Ranks& ranks);
   Newton(const Newton&) = delete;
   Newton& operator=(const Newton&) = delete;
 
@@ -53,7 +53,8 @@ class Newton {
     return on_device_ ? on_device_->scans() : on_processor_->scans();
   }
 
-  /// Reads or writes what a step leaves for the next. It does not depend on where the vectors are.
+  /// Reads or writes what a step leaves for the next. It does not depend on where the vectors are, nor on the number of
+  /// ranks, which all call it together.
   template <class Archive>
   void state(Archive& archive) {
     method_->state(archive);

@@ -227,6 +227,7 @@ SweepOutcome Sweeper::sweep() {
   if (meter_ != nullptr) meter_->begin(Activity::Sweep, static_cast<std::int64_t>(problem_.free.size()));
   const Stopwatch watch;
   for (std::size_t colour = 0; colour + 1 < coloured_.colours.size(); ++colour) {
+    team_.look_together();
     const std::int32_t first = coloured_.colours[colour], count = coloured_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {
       static thread_local AlignedVector<double> scratch(NodeStar::kMostNumbers);

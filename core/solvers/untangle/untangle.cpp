@@ -234,6 +234,7 @@ void Untangler::find_patches(int layers, int stretched_layers) {
   const std::vector<Standing> standings = present_standings();
   for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers, stretched_layers).patches(standings)) {
     if (!fits_in_memory(found.members, problem_.dimension)) continue;
+    team_.look_together();
     UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension, team_.stop());
     patch.find_lengths(problem_);
     Assessment first = assess(patch, standings);

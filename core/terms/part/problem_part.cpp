@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -11,6 +12,7 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNone = -1;
+constexpr std::size_t kNodesPerExchange = 1 << 16;  // whose positions go to all ranks at a time
 
 /// Copies `width` numbers of each cell from the arrays of the whole set to those of the part.
 template <class Array>
@@ -269,6 +271,27 @@ class PartMaker {
   ProblemPart part_;
 };
 
+/// Calls use(item, place) for all items in their order. `place` is that in the list which has the items of the first
+/// rank, then those of the next, and so on, as gather_everywhere() returns them.
+template <class RankOf, class Use>
+void for_items_by_rank(int ranks, std::size_t count, const RankOf& rank_of, const Use& use) {
+  std::vector<std::size_t> next(at(ranks) + 1, 0);
+  for (std::size_t item = 0; item < count; ++item) ++next[at(rank_of(item)) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  for (std::size_t item = 0; item < count; ++item) use(item, next[at(rank_of(item))]++);
+}
+
+/// The same for the free nodes of the whole problem.
+template <class Use>
+void for_free_by_rank(const ProblemPart& part, const Use& use) {
+  const auto rank_of = [&](std::size_t free) { return part.partition.rank_of_node(static_cast<std::int32_t>(free)); };
+  for_items_by_rank(part.partition.ranks, part.whole->free.size(), rank_of, use);
+}
+
+std::ptrdiff_t own_end(const ProblemPart& part) {
+  return static_cast<std::ptrdiff_t>(at(part.share.own_nodes) * at(part.problem.dimension));
+}
+
 }  // namespace
 
 std::vector<std::int32_t> places_in_free(const Problem& problem) {
@@ -277,12 +300,11 @@ std::vector<std::int32_t> places_in_free(const Problem& problem) {
   return places;
 }
 
-ProblemPart part_of(const Problem& whole, const Ranks& ranks, const StopToken* stop) {
+ProblemPart part_of(const Problem& whole, const Ranks& ranks) {
   const Partition division = partition(whole, ranks.count());
   ProblemPart part = PartMaker(whole, division, ranks).make();
   part.whole = &whole;
   part.partition = division;
-  part.share.stop = stop;
   return part;
 }
 
@@ -294,19 +316,68 @@ void ProblemPart::follow() {
     pick(whole->sets[s].delta_squared, 1, cells[s], problem.sets[s].delta_squared);
 }
 
+std::vector<double> gather_free(const ProblemPart& part, std::span<const double> mine) {
+  const std::size_t d = at(part.problem.dimension);
+  const auto all = part.share.ranks->gather_everywhere(std::vector<double>(mine.begin(), mine.begin() + own_end(part)));
+  std::vector<double> whole(all.size());
+  for_free_by_rank(part, [&](std::size_t free, std::size_t place) {
+    std::copy_n(all.data() + place * d, d, whole.data() + free * d);
+  });
+  return whole;
+}
+
+std::vector<float> gather_set(const ProblemPart& part, std::size_t set, std::span<const float> mine,
+                              std::size_t width) {
+  const auto end = mine.begin() + static_cast<std::ptrdiff_t>(at(part.problem.sets[set].count) * width);
+  const auto all = part.share.ranks->gather_everywhere(std::vector<float>(mine.begin(), end));
+  std::vector<float> whole(all.size());
+  const auto rank_of = [&](std::size_t cell) {
+    return part.partition.rank_of_cell(set, static_cast<std::int32_t>(cell));
+  };
+  for_items_by_rank(part.partition.ranks, at(part.whole->sets[set].count), rank_of,
+                    [&](std::size_t cell, std::size_t place) {
+                      std::copy_n(all.data() + place * width, width, whole.data() + cell * width);
+                    });
+  return whole;
+}
+
+std::vector<std::int32_t> cells_by_rank(const ProblemPart& part) {
+  std::vector<std::int32_t> ranks, numbers(at(part.whole->cells));
+  for (std::size_t s = 0; s < part.whole->sets.size(); ++s)
+    for (std::int32_t cell = 0; cell < part.whole->sets[s].count; ++cell)
+      ranks.push_back(part.partition.rank_of_cell(s, cell));
+  for_items_by_rank(
+      part.partition.ranks, numbers.size(), [&](std::size_t cell) { return ranks[cell]; },
+      [&](std::size_t cell, std::size_t place) { numbers[place] = static_cast<std::int32_t>(cell); });
+  return numbers;
+}
+
+void take_of_set(const ProblemPart& part, std::size_t set, std::span<const float> whole, std::size_t width,
+                 std::span<float> mine) {
+  const std::vector<std::int32_t>& cells = part.cells[set];
+  for (std::size_t place = 0; place < cells.size(); ++place)
+    if (cells[place] != kNone) std::copy_n(whole.data() + at(cells[place]) * width, width, mine.data() + place * width);
+}
+
 void gather_positions(const ProblemPart& part, std::vector<double>& whole) {
-  const std::size_t d = at(part.problem.dimension), own = at(part.share.own_nodes);
-  std::vector<double> mine;
-  std::vector<std::int32_t> nodes;
-  for (std::size_t f = 0; f < own; ++f) {
-    const std::int32_t node = part.problem.free[f];
-    nodes.push_back(part.nodes[at(node)]);
-    const double* from = part.problem.positions.data() + at(node) * d;
-    mine.insert(mine.end(), from, from + d);
+  const std::size_t d = at(part.problem.dimension), free_nodes = part.whole->free.size();
+  std::size_t own = 0;
+  // In pieces, because a list of all positions would be one of the largest arrays of a run.
+  for (std::size_t first = 0, last = 0; first < free_nodes; first = last) {
+    last = std::min(first + kNodesPerExchange, free_nodes);
+    std::vector<double> mine;
+    for (; own < at(part.share.own_nodes) && at(part.share.numbers[own]) < last; ++own) {
+      const double* from = part.problem.positions.data() + at(part.problem.free[own]) * d;
+      mine.insert(mine.end(), from, from + d);
+    }
+    const std::vector<double> all = part.share.ranks->gather_everywhere(mine);
+    const auto rank_of = [&](std::size_t i) {
+      return part.partition.rank_of_node(static_cast<std::int32_t>(first + i));
+    };
+    for_items_by_rank(part.partition.ranks, last - first, rank_of, [&](std::size_t i, std::size_t place) {
+      std::copy_n(all.data() + place * d, d, whole.data() + at(part.whole->free[first + i]) * d);
+    });
   }
-  nodes = part.share.ranks->gather_everywhere(nodes);
-  mine = part.share.ranks->gather_everywhere(mine);
-  for (std::size_t i = 0; i < nodes.size(); ++i) std::copy_n(mine.data() + i * d, d, whole.data() + at(nodes[i]) * d);
 }
 
 }  // namespace varimesh

@@ -5,7 +5,6 @@
 #include <span>
 #include <vector>
 
-#include "core/base/stop_token.h"
 #include "core/problem/problem.h"
 #include "core/ranks/halo.h"
 #include "core/ranks/whole_reduction.h"
@@ -16,7 +15,6 @@ namespace varimesh {
 /// What of a rank's Problem the rank owns, and how it comes by the rest.
 struct ProblemShare {
   const Ranks* ranks = nullptr;
-  const StopToken* stop = nullptr;    ///< At whose wish all ranks stop; may be null.
   std::int32_t own_nodes = 0;         ///< So many at the beginning of Problem::free are this rank's own.
   std::int64_t free_nodes = 0;        ///< Of the whole problem.
   std::vector<std::int32_t> numbers;  ///< By place in Problem::free: the place in that of the whole problem, ascending
@@ -49,14 +47,12 @@ struct ProblemPart {
   void follow();
 };
 
-/// The part of this rank in partition(). The whole problem must be the same on all ranks. `stop`: as
-/// ProblemShare::stop.
-ProblemPart part_of(const Problem& whole, const Ranks& ranks, const StopToken* stop = nullptr);
+/// The part of this rank in partition(). The whole problem must be the same on all ranks.
+ProblemPart part_of(const Problem& whole, const Ranks& ranks);
 
 /// Sums over the terms of all ranks that have a part; with null, over those of this process.
 inline WholeReduction whole_reduction(const Team& team, const ProblemPart* part) {
-  return part != nullptr ? WholeReduction(team, *part->share.ranks, part->share.stop)
-                         : WholeReduction(team, one_rank());
+  return WholeReduction(team, part != nullptr ? *part->share.ranks : one_rank());
 }
 
 /// By node of a problem: its place in Problem::free; −1 if it is not free.
@@ -65,16 +61,28 @@ std::vector<std::int32_t> places_in_free(const Problem& problem);
 /// Puts the positions of all own nodes of all ranks into those of the whole problem, on all ranks.
 void gather_positions(const ProblemPart& part, std::vector<double>& whole);
 
+/// The numbers of all free nodes of the whole problem, d for each, on all ranks. `mine`: those of the part's own free
+/// nodes.
+std::vector<double> gather_free(const ProblemPart& part, std::span<const double> mine);
+
+/// The numbers of all cells of a set of the whole problem, `width` for each, on all ranks. `mine`: those of the part's
+/// own cells, by place.
+std::vector<float> gather_set(const ProblemPart& part, std::size_t set, std::span<const float> mine, std::size_t width);
+
+/// Gives the part's cells of a set, ghosts included, their numbers out of those of all cells.
+void take_of_set(const ProblemPart& part, std::size_t set, std::span<const float> whole, std::size_t width,
+                 std::span<float> mine);
+
+/// CellSet::first + cell of all cells of the whole problem, first those of the first rank, in the order of its part,
+/// then those of the next.
+std::vector<std::int32_t> cells_by_rank(const ProblemPart& part);
+
 /// Puts numbers of the own cells of all ranks, by CellSet::first + cell of the part, to CellSet::first + cell of the
 /// whole problem, on all ranks. `T` is plain data.
 template <class T>
 void gather_cells(const ProblemPart& part, std::span<const T> mine, std::span<T> whole) {
-  std::vector<std::int32_t> numbers;
-  for (std::size_t s = 0; s < part.cells.size(); ++s)
-    for (std::int32_t cell = 0; cell < part.problem.sets[s].count; ++cell)
-      numbers.push_back(part.whole->sets[s].first + part.cells[s][at(cell)]);
   const std::vector<T> all = part.share.ranks->gather_everywhere(std::vector<T>(mine.begin(), mine.end()));
-  numbers = part.share.ranks->gather_everywhere(numbers);
+  const std::vector<std::int32_t> numbers = cells_by_rank(part);
   for (std::size_t i = 0; i < all.size(); ++i) whole[at(numbers[i])] = all[i];
 }
 

@@ -4,38 +4,22 @@ import fcntl
 import json
 import os
 import re
-import shutil
 import signal
 import struct
 import subprocess
-import sys
 import termios
 import time
-import unittest
 from pathlib import Path
 
-from programs import CASES, VARIMESH, WithFolder, run
+from programs import CASES, VARIMESH, run
+from ranks import PERMITTED, SECONDS_TO_END, VARIMESH_MPI, WithMeshes, command, launch, main, ranks_of
 
-VARIMESH_MPI = os.environ["VARIMESH_MPI"]
-# Open MPI starts several processes on one core, and as root, only if it is told so.
-PERMITTED = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-             "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_orte_abort_print_stack": "0",
-             "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}  # Open MPI 5
 MESHES = ["nine_triangles.msh", "circle_p5.msh", "annulus_p3.msh", "aerofoil_p4.msh", "reentrant_3_of_5.msh",
           "pin_p3.msh", "solid_ball_p3.msh", "thick_layer_p3.msh"]
 HDF5 = os.environ.get("VARIMESH_HDF5") or Path(VARIMESH).resolve().parent.parent / "lib" / "varimesh" / "varimesh_hdf5"
-SECONDS_TO_END = 10
 # Megabytes of memory of its own that a process may have (RLIMIT_DATA). In the address space, what MPI's processes have in
 # common would count for each.
 LIMIT = 160
-
-
-def command(ranks, *arguments):
-    return ["mpirun", "-n", str(ranks), VARIMESH_MPI, *map(str, arguments)]
-
-
-def launch(ranks, *arguments, **keywords):
-    return subprocess.run(command(ranks, *arguments), capture_output=True, text=True, timeout=100, env=PERMITTED, **keywords)
 
 
 def unread_bytes(pipe):
@@ -50,44 +34,6 @@ def has_ended(process):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except FileNotFoundError:
         return True
-
-
-class WithMeshes(WithFolder):
-    def binary(self, name):
-        """A mesh of tests/cases as a binary file of MSH 4.1."""
-        path = self.folder / name
-        done = run("convert", CASES / name, path, "--format", "msh41-binary")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return path
-
-    def grid(self, cubes, name="grid.msh"):
-        """A cube of cubes³ hexahedra of order 2, which are skewed a little; its boundary has no elements."""
-        path = self.folder / name
-        side = 2 * cubes + 1
-        node = lambda i, j, k: 1 + i + side * (j + side * k)
-        with open(path, "wb") as file:
-            file.write(b"$MeshFormat\n4.1 1 8\n" + struct.pack("<i", 1) + b"\n$EndMeshFormat\n$Nodes\n")
-            file.write(struct.pack("<4Q3iQ", 1, side**3, 1, side**3, 3, 1, 0, side**3))
-            for first in range(1, side**3 + 1, side):
-                file.write(struct.pack(f"<{side}Q", *range(first, first + side)))
-            for k in range(side):
-                for j in range(side):
-                    file.write(b"".join(struct.pack("<3d", i + 0.1 * (j % 3), j + 0.1 * (k % 5), k) for i in range(side)))
-            file.write(b"\n$EndNodes\n$Elements\n")
-            file.write(struct.pack("<4Q3iQ", 1, cubes**3, 1, cubes**3, 3, 1, 12, cubes**3))
-            # Gmsh's order of the nodes of a hexahedron of order 2.
-            lattice = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2), (1, 0, 0),
-                       (0, 1, 0), (0, 0, 1), (2, 1, 0), (2, 0, 1), (1, 2, 0), (2, 2, 1), (0, 2, 1), (1, 0, 2), (0, 1, 2),
-                       (2, 1, 2), (1, 2, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2), (1, 1, 1)]
-            number = 0
-            for z in range(cubes):
-                for y in range(cubes):
-                    for x in range(cubes):
-                        number += 1
-                        nodes = [node(2 * x + i, 2 * y + j, 2 * z + k) for i, j, k in lattice]
-                        file.write(struct.pack("<28Q", number, *nodes))
-            file.write(b"\n$EndElements\n")
-        return path
 
 
 class Bytes(WithMeshes):
@@ -236,7 +182,6 @@ class Refusals(WithMeshes):
         mesh = self.binary("nine_triangles.msh")
         optimise = ("optimise", mesh, "-o", self.folder / "out.msh")
         for flags, words in ((["--order", "3"], "does not take --order"), (["--repair", "split"], "does not take --repair"),
-                             (["--time-limit", "9"], "does not take --time-limit"),
                              (["--device", "gpu"], "does not take --device gpu"),
                              (["--device", "auto"], "does not take --device auto"),
                              (["--request-id", "wing-1"], "does not take --request-id"),
@@ -317,15 +262,10 @@ class Failures(WithMeshes):
         """Kills the second of three ranks after two seconds. All end soon, and standard output is returned."""
         process = subprocess.Popen(command(3, *arguments), env=PERMITTED, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                    text=True)
-        ranks = []
-        deadline = time.monotonic() + 30
-        while len(ranks) < 3:
-            self.assertLess(time.monotonic(), deadline)
-            ranks = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
-            time.sleep(0.05)
+        ranks = ranks_of(process, 3)
         time.sleep(2)
         self.assertIsNone(process.poll(), "the ranks ended before one was killed")
-        os.kill(int(ranks[1]), signal.SIGKILL)
+        os.kill(ranks[1], signal.SIGKILL)
         began = time.monotonic()
         stdout, stderr = process.communicate(timeout=30)
         self.assertLess(time.monotonic() - began, SECONDS_TO_END)
@@ -376,7 +316,4 @@ class Memory(WithMeshes):
 
 
 if __name__ == "__main__":
-    if shutil.which("mpirun") is None:
-        print("SKIPPED: there is no mpirun (deploy/setup mpi)")
-        sys.exit(77)
-    unittest.main(verbosity=2)
+    main()

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <vector>
 
 #include "core/base/team.h"
 
@@ -39,6 +40,41 @@ TEST(StopToken, StopsAtItsTimeLimit) {
   EXPECT_EQ(token.reason(), StopToken::Reason::None) << "nobody has looked";
   EXPECT_TRUE(token.stopped());
   EXPECT_EQ(token.reason(), StopToken::Reason::TimeLimit);
+}
+
+TEST(StopToken, LeavesItToAllIfThereIsAnAgreement) {
+  using enum StopToken::Reason;
+  bool others_wish = false;
+  std::vector<StopToken::Reason> wishes;
+  StopToken token;
+  token.stop_together([&](StopToken::Reason mine) {
+    wishes.push_back(mine);
+    return others_wish ? Asked : None;
+  });
+  token.look_together();
+  token.stop_after(-1);
+  EXPECT_EQ(token.wish(), TimeLimit);
+  EXPECT_FALSE(token.stopped()) << "the others do not know";
+  EXPECT_FALSE(token.stopped_together()) << "the others say no";
+  EXPECT_EQ(wishes, (std::vector{None, TimeLimit}));
+  others_wish = true;
+  EXPECT_FALSE(token.stopped());
+  EXPECT_THROW(token.look_together(), Interrupted);
+  EXPECT_TRUE(token.stopped());
+  EXPECT_EQ(token.reason(), Asked);
+  EXPECT_TRUE(token.stopped_together());
+  EXPECT_EQ(wishes.size(), 3U) << "nobody asks twice";
+}
+
+TEST(StopToken, LooksByItselfWithoutAnAgreement) {
+  StopToken token;
+  EXPECT_FALSE(token.stopped_together());
+  token.stop_after(-1);
+  EXPECT_TRUE(token.stopped_together());
+  Team team(1);
+  team.look_together();
+  team.set_stop(&token);
+  EXPECT_THROW(team.look_together(), Interrupted);
 }
 
 TEST(TeamWithAToken, LeavesWhatIsLeft) {

@@ -2,11 +2,15 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <functional>
+#include <limits>
 #include <ostream>
+#include <random>
 #include <vector>
 
 #include "core/optimise/optimiser.h"
 #include "core/ranks/thread_ranks.h"
+#include "tests/core/optimise/stopped_runs.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -100,13 +104,121 @@ TEST_P(RunOfRanks, HasTheResultOfARunAlone) {
     });
 }
 
-TEST_P(RunOfRanks, TakesNoTimeLimit) {
+/// What each of several ranks makes of a run.
+std::vector<Result> together(int count, const std::function<Expected<Result>(const Ranks&)>& run) {
+  std::vector<Result> results(static_cast<std::size_t>(count));
+  run_as_ranks(count, [&](const Ranks& ranks) {
+    auto mine = run(ranks);
+    ASSERT_TRUE(mine) << mine.error().sentence;
+    results[static_cast<std::size_t>(ranks.rank())] = std::move(*mine);
+  });
+  return results;
+}
+
+void expect_one_end(const std::vector<Result>& results) {
+  for (const Result& mine : results) {
+    EXPECT_EQ(mine.mesh.coordinates, results.front().mesh.coordinates);
+    EXPECT_EQ(mine.stop_reason, results.front().stop_reason);
+    EXPECT_EQ(mine.stopped, results.front().stopped);
+    EXPECT_EQ(mine.iterations, results.front().iterations);
+    EXPECT_EQ(mine.after.min_scaled_jacobian, results.front().after.min_scaled_jacobian);
+    EXPECT_EQ(mine.after.lattice_intervals, results.front().after.lattice_intervals);
+  }
+}
+
+/// The run of which the last of three ranks is asked to end it, at its n-th look; and how often it has looked.
+std::vector<Result> stopped_at(std::int64_t look, const testing::RunToStop& run, std::int64_t* looks = nullptr) {
+  std::int64_t asked = 0;
+  std::vector<Result> results = together(3, [&](const Ranks& ranks) {
+    RunControl control;
+    control.ranks = &ranks;
+    control.stop_asked = [&] { return ranks.rank() == 2 && ++asked >= look; };
+    return optimise(run.mesh, run.options, {}, control);
+  });
+  if (looks != nullptr) *looks = asked;
+  return results;
+}
+
+TEST_P(RunOfRanks, EndsOnAllWhenOneIsAsked) {
+  const testing::RunToStop run{GetParam().name, mesh(), options()};
+  std::int64_t looks = 0;
+  const std::vector<Result> whole = stopped_at(std::numeric_limits<std::int64_t>::max(), run, &looks);
+  ASSERT_GT(looks, 10);
+  EXPECT_FALSE(whole.front().stopped);
+  std::mt19937 random(19);
+  for (int i = 0; i < 4; ++i) {
+    const std::int64_t look = i == 0 ? 1 : std::uniform_int_distribution<std::int64_t>(1, looks)(random);
+    SCOPED_TRACE("at look " + std::to_string(look) + " of " + std::to_string(looks));
+    const std::vector<Result> results = stopped_at(look, run);
+    expect_one_end(results);
+    const Result& result = results.front();
+    EXPECT_EQ(result.stopped, result.stop_reason == StopReason::Stopped);
+    testing::expect_sound(run, result);
+    if (i == 0) {
+      EXPECT_TRUE(result.stopped);
+      EXPECT_EQ(result.iterations, 0);
+    }
+    // Newton's method leaves what the iterations before have left, or the step of the one that was under way.
+    const bool has_steps_only = run.options.objective == Objective::Energy && GetParam().shake < 0.1;
+    if (!result.stopped || result.iterations == 0 || !has_steps_only) continue;
+    Options as_many = run.options;
+    as_many.max_iterations = result.iterations;
+    if (result.mesh.coordinates == optimise(run.mesh, as_many)->mesh.coordinates) continue;
+    ++as_many.max_iterations;
+    EXPECT_TRUE(result.mesh.coordinates == optimise(run.mesh, as_many)->mesh.coordinates)
+        << result.iterations << " iterations; " << result.kept_as_it_came << " lattice "
+        << result.after.lattice_intervals << " as it came " << (result.mesh.coordinates == run.mesh.coordinates);
+  }
+}
+
+TEST_P(RunOfRanks, EndsOnAllAfterAnIterationThatOneEnds) {
+  const auto ends = [](bool mine, const Iteration& iteration) {
+    return mine && iteration.number == 2 ? Control::Stop : Control::Continue;
+  };
+  const auto alone = optimise(mesh(), options(), [&](const Iteration& i) { return ends(true, i); });
+  const std::vector<Result> results = together(3, [&](const Ranks& ranks) {
+    RunControl control;
+    control.ranks = &ranks;
+    return optimise(
+        mesh(), options(), [&](const Iteration& i) { return ends(ranks.rank() == 1, i); }, control);
+  });
+  expect_one_end(results);
+  EXPECT_EQ(results.front().iterations, 2);
+  EXPECT_EQ(results.front().stop_reason, alone->stop_reason);
+  EXPECT_EQ(results.front().mesh.coordinates, alone->mesh.coordinates);
+  EXPECT_EQ(results.front().notes, alone->notes);
+}
+
+TEST_P(RunOfRanks, EndsOnAllAtATimeLimit) {
+  testing::RunToStop run{GetParam().name, mesh(), options()};
+  std::mt19937 random(19);
+  for (int i = 0; i < 3; ++i) {
+    const double limit = i == 0 ? 1e-9 : std::uniform_real_distribution<double>(0, 0.1)(random);
+    SCOPED_TRACE(limit);
+    const std::vector<Result> results = together(3, [&](const Ranks& ranks) {
+      RunControl control;
+      control.ranks = &ranks;
+      // Reading has taken another time on each.
+      Options limited = run.options;
+      limited.time_limit = limit * (1 + ranks.rank());
+      return optimise(run.mesh, limited, {}, control);
+    });
+    expect_one_end(results);
+    EXPECT_FALSE(results.front().stopped);
+    testing::expect_sound(run, results.front());
+    if (i > 0) continue;
+    EXPECT_EQ(results.front().stop_reason, StopReason::TimeLimit);
+    EXPECT_EQ(results.front().iterations, 0);
+  }
+}
+
+TEST(RanksThatShareARun, SplitNoElements) {
   run_as_ranks(2, [&](const Ranks& ranks) {
     RunControl control;
     control.ranks = &ranks;
-    Options limited = options();
-    limited.time_limit = 100;
-    const auto refused = optimise(mesh(), limited, {}, control);
+    Options options;
+    options.repair = Repair::Split;
+    const auto refused = optimise(testing::grid(Filling::Triangles, {3, 3, 0}, 2), options, {}, control);
     ASSERT_FALSE(refused);
     EXPECT_EQ(refused.error().kind, Error::Kind::BadOption);
   });

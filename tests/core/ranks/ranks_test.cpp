@@ -160,15 +160,39 @@ TEST_P(RanksOf, ReduceWithTheBitsOfOneRank) {
     std::vector<double> mine;
     for (std::size_t i = 0; i < kTerms; ++i)
       if (int(i / Reduction::kBlock) % ranks.count() == ranks.rank()) mine.push_back(terms[i]);
-    const StopToken asked([&] { return ranks.rank() == 0; });
     team.run([&] {
       const WholeReduction whole(team, ranks);
       const auto term = [&](std::size_t i) { return mine[i]; };
       EXPECT_EQ(whole.sum(mine.size(), 1024, term), sum);
       EXPECT_EQ(whole.largest(mine.size(), 1024, term), largest);
-      if (ranks.count() > 1) {
-        EXPECT_THROW(WholeReduction(team, ranks, &asked).sum(mine.size(), 1024, term), Interrupted);
-      }
+    });
+  });
+}
+
+TEST_P(RanksOf, StopTogether) {
+  using enum StopToken::Reason;
+  run_as_ranks(GetParam(), [&](const Ranks& ranks) {
+    const int last = ranks.count() - 1;
+    const StopToken::Agreement agreement = agreement_of(ranks);
+    EXPECT_EQ(agreement(None), None);
+    EXPECT_EQ(agreement(ranks.rank() == last ? TimeLimit : None), TimeLimit);
+    EXPECT_EQ(agreement(ranks.rank() == last ? Asked : TimeLimit), Asked);
+    // A sum throws on all ranks if one of them is to stop, and loops between sums on none.
+    bool is_asked = false;
+    StopToken token([&] { return is_asked && ranks.rank() == last; });
+    stop_together(token, ranks);
+    Team team(1);
+    team.set_stop(&token);
+    team.run([&] {
+      const std::vector<double> mine(600, 1.0);
+      const auto sum = [&] {
+        return WholeReduction(team, ranks).sum(mine.size(), 64, [&](std::size_t i) { return mine[i]; });
+      };
+      EXPECT_EQ(sum(), 600.0 * ranks.count());
+      is_asked = true;
+      if (ranks.count() > 1) team.for_each(1000, 16, [](std::int32_t) {});
+      EXPECT_THROW(sum(), Interrupted);
+      EXPECT_EQ(token.reason(), Asked);
     });
   });
 }

@@ -146,10 +146,12 @@ TEST_P(NewtonOfRanks, StopsTogetherWhereTheNodesWere) {
   std::atomic<int> asked = 0;
   run_as_ranks(3, [&](const Ranks& ranks) {
     Problem problem = problem_;
-    const Team team(1);
+    Team team(1);
     // The last rank wishes to stop after it was asked a few times.
-    const StopToken stop([&] { return ranks.rank() == 2 && ++asked > 4; });
-    Newton newton(problem, *kernels_, *hessian_, norm(), 1e-9, team, ranks, &stop);
+    StopToken stop([&] { return ranks.rank() == 2 && ++asked > 4; });
+    stop_together(stop, ranks);
+    team.set_stop(&stop);
+    Newton newton(problem, *kernels_, *hessian_, norm(), 1e-9, team, ranks);
     team.run([&] { EXPECT_THROW(newton.step(), Interrupted); });
     EXPECT_EQ(problem.positions, problem_.positions);
   });
