@@ -14,6 +14,7 @@
 #include <limits>
 #include <optional>
 
+#include "core/merit/thresholds.h"
 #include "core/options/options.h"
 #include "core/quality/certified_quality.h"
 
@@ -93,11 +94,11 @@ bool costs_shape(const Merit& a, const Merit& b);
 /// Whether a mesh that came in valid has as low a loss of accuracy now as when it came.
 inline bool keeps_loss(const Merit& now, const Merit& as_it_came) { return now.loss <= as_it_came.loss; }
 
-/// Whether the spacing of layers is to stay, and a mesh that was valid as it came may hold what decays from a wall
-/// worse: its error in layers is not known, or above threshold::kRisesInLayers times what it was. In thin layers
-/// (threshold::kThinLayers) it must be the same or fall below threshold::kFallsInLayers. `thinnest`: as
-/// LayerStart::thinnest (core/layers/layers.h).
-bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest);
+/// Whether the spacing of layers is to stay, and a mesh that was valid as it came holds less of what decays from a
+/// wall: its error in layers is not known any more, or is above `may_rise` times what it was for one of the profiles
+/// (core/layers/error/layer_error.h).
+bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options,
+                  double may_rise = threshold::kRisesInLayers);
 
 /// Whether the minimum of `a` is higher by more than threshold::kHigher.
 bool has_higher_minimum(const Merit& a, const Merit& b);

@@ -40,15 +40,8 @@ inline constexpr double kRises = 1.1;
 inline constexpr double kGainWithWeights = 0.1;
 /// A solver's error on what decays from a wall may rise by this factor in a mesh with layers that came in valid.
 inline constexpr double kRisesInLayers = 1.02;
-/// If nodes of layers that are thinner than kThinLayers have moved, the error in layers is to fall below this factor.
-/// Smaller changes deceive: round a ball of quadratic hexahedra it fell to .95, and the error of a solver rose to 1.03
-/// to 1.06; round a disc of quadratic quadrilaterals it fell to .98 and .75, and the error of a solver rose to 1.5
-/// and 1.7 for an erf.
-inline constexpr double kFallsInLayers = 0.5;
-/// A share of the error in layers that is rounding: if it changes by less, no node of a layer has moved.
-inline constexpr double kEqualInLayers = 1e-6;
-/// The height of a cell over its width in layers that are made for what decays from the wall.
-inline constexpr double kThinLayers = 0.1;
+/// An error in layers that is lower than this is rounding.
+inline constexpr double kNoErrorInLayers = 1e-9;
 
 // ===== of the loss of accuracy =====
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "core/base/index.h"
@@ -19,8 +20,9 @@ namespace {
 
 using detail::LayerCell;
 
-/// The largest number of profiles. With 40, the last is 2³⁹ times as thick as the first.
-constexpr int kMostProfiles = 40;
+/// The largest number of thicknesses δ. With 40, the last is 2³⁹ times the first.
+constexpr int kMostThicknesses = 40;
+constexpr int kMostProfiles = 2 * kMostThicknesses;
 /// A profile that has fallen to this at all nodes of a cell is 0 there.
 constexpr double kGone = 1e-9;
 constexpr std::size_t kNodesAtOnce = 64;  ///< That a thread takes.
@@ -39,6 +41,16 @@ Basis basis_of(Shape shape, int order, int dimension) {
   return {reference::basis_values(shape, order, reference::NodeSet::Equispaced, dimension, rule.points),
           reference::basis_gradients(shape, order, reference::NodeSet::Equispaced, dimension, rule.points),
           rule.weights};
+}
+
+/// A profile that decays from the wall, at s = n/δ, and its derivative by s.
+struct Decay {
+  double value, slope;
+};
+/// exp(−s) for even numbers of a profile, erfc s for odd ones.
+Decay decay(int number, double s) {
+  if (number % 2 == 0) return {std::exp(-s), -std::exp(-s)};
+  return {std::erfc(s), -2 * std::numbers::inv_sqrtpi * std::exp(-s * s)};
 }
 
 /// Of some cells, by profile: δ ∫|∇(u − I u)|² and δ ∫|∇u|².
@@ -89,12 +101,12 @@ class Measurer {
     team.run([&] {
       team.for_ranges(nodes.size(), kNodesAtOnce, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i)
-          distance_[at(nodes[i])] = wall_.distance(detail::point(mesh_, nodes[i]), facet_of[at(nodes[i])]);
+          distance_[at(nodes[i])] = wall_.distance(detail::point(mesh_, nodes[i]), facet_of[at(nodes[i])]).value;
       });
     });
   }
 
-  /// The thickness of the first profile above each facet, and the number of profiles.
+  /// The thickness of the first profile above each facet, and the number of thicknesses.
   void find_profiles() {
     const std::size_t facets = columns_.facets.size();
     std::vector<double> highest(facets, 0);
@@ -113,7 +125,7 @@ class Measurer {
       if (!(first_[facet] > 0)) continue;
       // Rounding must not decide whether the last profile is as thick as the layers.
       const double doublings = std::log2(highest[facet] / first_[facet] * (1 + 1e-9));
-      if (doublings >= 0) count_[facet] = std::min(static_cast<int>(doublings) + 1, kMostProfiles);
+      if (doublings >= 0) count_[facet] = std::min(static_cast<int>(doublings) + 1, kMostThicknesses);
     }
   }
 
@@ -129,18 +141,21 @@ class Measurer {
       x.row(k) = (detail::point(mesh_, nodes[at(k)]) - detail::point(mesh_, nodes[0])).head(d);
       n[k] = distance_[at(nodes[at(k)])];
     }
-    const auto profiles = thicknesses(layer.facet, n.minCoeff());
+    const auto profiles = profiles_above(layer.facet, n.minCoeff());
     if (profiles.empty()) return;
     Eigen::MatrixXd u(count, static_cast<Eigen::Index>(profiles.size()));
-    for (Eigen::Index k = 0; k < u.cols(); ++k) u.col(k) = (-n.array() / profiles[at(k)].delta).exp();
-    const Eigen::VectorXd distance = basis.values * n;
+    for (Eigen::Index k = 0; k < u.cols(); ++k)
+      u.col(k) = n.unaryExpr([&, profile = profiles[at(k)]](double distance) {
+        return decay(profile.number, distance / profile.delta).value;
+      });
+    const Eigen::MatrixXd points = basis.values * x;      // points × d, from the first node
     std::vector<Eigen::MatrixXd> jacobian, interpolated;  // by reference direction: points × d, points × profiles
-    std::vector<Eigen::VectorXd> slope;                   // by reference direction, of n
     for (const Eigen::MatrixXd& gradient : basis.gradients) {
       jacobian.emplace_back(gradient * x);
       interpolated.emplace_back(gradient * u);
-      slope.emplace_back(gradient * n);
     }
+    Eigen::MatrixXd missed(d, u.cols());  // ∇(u − I u) by reference direction
+    Eigen::VectorXd weights(u.cols());
     double sign = 0;
     for (Eigen::Index q = 0; q < basis.weights.size(); ++q) {
       Eigen::MatrixXd frame(d, d);  // ∂x_i/∂ξ_c at (c, i)
@@ -151,18 +166,23 @@ class Measurer {
       if (!sums.is_valid) return;
       // Thin cells have a condition of 1e7 and more, which products of the frame with itself would square.
       const Eigen::PartialPivLU<Eigen::MatrixXd> gradient(frame);
+      Eigen::Vector3d point = detail::point(mesh_, nodes[0]);
+      point.head(d) += points.row(q).transpose();
+      const detail::WallDistance::Distance from_wall = wall_.distance(point, layer.facet);
+      const Eigen::VectorXd slope = frame * from_wall.gradient.head(d);  // of n, by reference direction
       for (std::size_t k = 0; k < profiles.size(); ++k) {
         const auto [delta, number] = profiles[k];
-        const double steep = -std::exp(-distance[q] / delta) / delta;
-        Eigen::VectorXd exact(d), missed(d);
-        for (int c = 0; c < d; ++c) {
-          exact[c] = steep * slope[at(c)][q];
-          missed[c] = exact[c] - interpolated[at(c)](q, static_cast<Eigen::Index>(k));
-        }
+        const double steep = decay(number, from_wall.value / delta).slope / delta;
         const double weight = delta * basis.weights[q] * std::abs(determinant);
-        sums.missed[at(number)] += weight * gradient.solve(missed).squaredNorm();
-        sums.all[at(number)] += weight * gradient.solve(exact).squaredNorm();
+        const auto column = static_cast<Eigen::Index>(k);
+        for (int c = 0; c < d; ++c) missed(c, column) = steep * slope[c] - interpolated[at(c)](q, column);
+        weights[column] = weight;
+        sums.all[at(number)] += weight * steep * steep;
       }
+      const Eigen::RowVectorXd squares = gradient.solve(missed).colwise().squaredNorm();
+      for (std::size_t k = 0; k < profiles.size(); ++k)
+        sums.missed[at(profiles[k].number)] +=
+            weights[static_cast<Eigen::Index>(k)] * squares[static_cast<Eigen::Index>(k)];
     }
   }
 
@@ -171,11 +191,11 @@ class Measurer {
     int number;
   };
   /// The profiles above a facet that have not gone where the distance from the wall is at least `nearest`.
-  std::vector<Profile> thicknesses(std::int32_t facet, double nearest) const {
+  std::vector<Profile> profiles_above(std::int32_t facet, double nearest) const {
     std::vector<Profile> profiles;
-    for (int k = 0; k < count_[at(facet)]; ++k) {
-      const double delta = std::ldexp(first_[at(facet)], k);
-      if (std::exp(-nearest / delta) > kGone) profiles.push_back({delta, k});
+    for (int number = 0; number < 2 * count_[at(facet)]; ++number) {
+      const double delta = std::ldexp(first_[at(facet)], number / 2);
+      if (decay(number, nearest / delta).value > kGone) profiles.push_back({delta, number});
     }
     return profiles;
   }
@@ -189,11 +209,16 @@ class Measurer {
         all[k] += of_cell.all[k];
       }
     }
-    double squares = 0;
-    int profiles = 0;
-    for (std::size_t k = 0; k < kMostProfiles && all[k] > 0; ++k, ++profiles) squares += missed[k] / all[k];
-    if (profiles == 0) return std::nullopt;
-    return LayerError{std::sqrt(squares / profiles), static_cast<std::int64_t>(layers_.size())};
+    LayerError found;
+    found.cells = static_cast<std::int64_t>(layers_.size());
+    double squares = 0;  // of the exponentials
+    for (std::size_t k = 0; k < kMostProfiles && all[k] > 0; ++k) {
+      found.of_profiles.push_back(std::sqrt(missed[k] / all[k]));
+      if (k % 2 == 0) squares += missed[k] / all[k];
+    }
+    if (found.of_profiles.empty()) return std::nullopt;
+    found.error = std::sqrt(2 * squares / static_cast<double>(found.of_profiles.size()));
+    return found;
   }
 
   const HighOrderMesh& mesh_;
@@ -204,7 +229,7 @@ class Measurer {
   std::array<Basis, kShapes> bases_;  ///< By shape; empty: no layer has it.
   std::vector<double> distance_;      ///< By node; 0 if it is in no layer.
   std::vector<double> first_;         ///< By facet of the walls: h; 0: it has no layers.
-  std::vector<int> count_;            ///< By facet: of profiles.
+  std::vector<int> count_;            ///< By facet: of thicknesses.
 };
 
 }  // namespace

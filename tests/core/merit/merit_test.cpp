@@ -163,37 +163,35 @@ TEST(Merit, TheOptionsSayWhatIsAskedFor) {
 
 // ===== the error in layers =====
 
-QualityReport with_error_in_layers(double error) {
+/// The errors of four profiles in layers.
+QualityReport with_errors_in_layers(std::vector<double> of_profiles) {
   QualityReport report;
-  report.in_layers = LayerError{error, 8};
+  report.in_layers = LayerError{1, 8, std::move(of_profiles)};
   return report;
 }
 
-TEST(LosesLayers, IfTheErrorRises) {
-  const QualityReport came = with_error_in_layers(1);
-  for (const double thinnest : {0.01, 0.3}) {
-    EXPECT_TRUE(loses_layers(came, with_error_in_layers(1.03), {}, thinnest));
-    EXPECT_FALSE(loses_layers(came, came, {}, thinnest));
-    EXPECT_FALSE(loses_layers(came, with_error_in_layers(0.5), {}, thinnest));
-    EXPECT_TRUE(loses_layers(came, {}, {}, thinnest)) << "it is not known any more";
-    EXPECT_FALSE(loses_layers({}, with_error_in_layers(1), {}, thinnest)) << "there were no layers";
-  }
+TEST(LosesLayers, IfTheErrorOfOneProfileRises) {
+  const QualityReport came = with_errors_in_layers({0.2, 0.1, 0.03, 0.01});
+  EXPECT_FALSE(loses_layers(came, came, {}));
+  EXPECT_FALSE(loses_layers(came, with_errors_in_layers({0.2, 0.1, 0.01, 0.0101}), {}));
+  EXPECT_TRUE(loses_layers(came, with_errors_in_layers({0.1, 0.05, 0.01, 0.0103}), {})) << "the mean has fallen";
+  EXPECT_TRUE(loses_layers(came, with_errors_in_layers({0.1, 0.05, 0.01, 0.0101}), {}, 1));
+  EXPECT_TRUE(loses_layers(came, with_errors_in_layers({0.1, 0.05}), {})) << "two are not known any more";
+  EXPECT_TRUE(loses_layers(came, {}, {})) << "none is known any more";
+  EXPECT_FALSE(loses_layers({}, came, {})) << "there were no layers";
 }
 
-TEST(LosesLayers, IfItChangesByLittleInThinOnes) {
-  for (const double error : {1.01, 0.98, 0.75}) {
-    EXPECT_TRUE(loses_layers(with_error_in_layers(1), with_error_in_layers(error), {}, 0.01)) << error;
-    EXPECT_FALSE(loses_layers(with_error_in_layers(1), with_error_in_layers(error), {}, 0.3)) << error;
-  }
+TEST(LosesLayers, NothingIfAllIsRounding) {
+  EXPECT_FALSE(loses_layers(with_errors_in_layers({1e-13}), with_errors_in_layers({3e-13}), {}));
 }
 
 TEST(LosesLayers, UnlessTheirSpacingIsToChangeOrTheMeshCameInvalid) {
   Options even;
   even.layer_spacing = LayerSpacing::Even;
-  EXPECT_FALSE(loses_layers(with_error_in_layers(1), with_error_in_layers(2), even, 0.01));
-  QualityReport invalid = with_error_in_layers(1);
+  EXPECT_FALSE(loses_layers(with_errors_in_layers({1}), with_errors_in_layers({2}), even));
+  QualityReport invalid = with_errors_in_layers({1});
   invalid.uncertified.resize(1);
-  EXPECT_FALSE(loses_layers(invalid, with_error_in_layers(2), {}, 0.01));
+  EXPECT_FALSE(loses_layers(invalid, with_errors_in_layers({2}), {}));
 }
 
 }  // namespace

@@ -150,7 +150,8 @@ HighOrderMesh layers_that_follow_a_circle(double growth) {
   return mesh;
 }
 
-// Without this rule the error in layers rose by 11 % with a growth of 2.4.
+// Without this rule a solver's error for an erf rose to 1.5 and 1.7 times the start's, while the mean over all profiles
+// fell.
 TEST(ValidMesh, HoldsNoLessInItsLayers) {
   Options options;
   options.threads = 1;
@@ -158,9 +159,10 @@ TEST(ValidMesh, HoldsNoLessInItsLayers) {
     const auto result = optimise(layers_that_follow_a_circle(growth), options);
     ASSERT_TRUE(result) << result.error().sentence;
     ASSERT_TRUE(result->before.uncertified.empty() && result->before.in_layers && result->after.in_layers) << growth;
-    const double share = result->after.in_layers->error / result->before.in_layers->error;
-    EXPECT_TRUE(share <= 0.5 || std::abs(share - 1) < 1e-6)
-        << growth << ": a solver's error may be higher with " << share;
+    const auto &before = result->before.in_layers->of_profiles, &after = result->after.in_layers->of_profiles;
+    ASSERT_EQ(before.size(), after.size()) << growth;
+    for (std::size_t k = 0; k < before.size(); ++k)
+      EXPECT_LE(after[k], 1.02 * before[k]) << growth << ", profile " << k;
     EXPECT_LE(result->after.accuracy->loss, result->before.accuracy->loss) << growth;
   }
 }
