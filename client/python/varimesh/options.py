@@ -60,7 +60,7 @@ class Layers:
     walls: str | Iterable[str]  #: groups of boundary elements, by name or by tag
     layers: int = 0
     first: float = 0.0  #: height of the layer at the wall, in the mesh's unit of length
-    growth: float = 0.0  #: height of each layer over the height of the one below
+    growth: float = 0.0  #: height of each layer divided by the height of the layer below it
     heights: Iterable[float] = ()
     rows: int = 1
     spacing: Literal["even", "graded"] = "graded"
@@ -81,8 +81,8 @@ class LayersReport:
 
     wall_elements: int
     columns: int  # edges that rise from the wall
-    layers: int  # in each column, without a cell that is left
-    leaves_cells: bool  # whether the layers leave a part of the thick cells, which is one more cell
+    layers: int  # in each column, not counting a cell that remains above them
+    leaves_cells: bool  # whether a part of each thick cell remains above the layers, as one more cell
     split: int  # cells that were split
     split_beside: int  # of these, cells beside the wall, split so that the mesh conforms
     elements_before: int
