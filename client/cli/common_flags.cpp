@@ -61,7 +61,7 @@ void add_report_flag(Command command, std::string* path) {
 void add_keep_orders_flag(Command command, bool* keep_orders) {
   command.add(
       "--keep-orders", keep_orders,
-      "Write elements that came at a lower order than others at their own order again, where this loses nothing");
+      "If the input has elements of several orders, write each at the order at which it came if that loses nothing");
 }
 
 void add_request_id_flag(Command command, std::string* id) {

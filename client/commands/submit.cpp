@@ -165,7 +165,8 @@ Action add_submit(Command program) {
   add_inputs(command, &arguments->meshes, &arguments->input);
   add_geometry_flags(command, &arguments->input, true);
   command
-      .add("--output-format", &arguments->formats, "Format of the result; default: that of the input; may be repeated")
+      .add("--output-format", &arguments->formats,
+           "Format of the result; default: the format of the input; may be repeated")
       .value("NAME")
       .one_value_each();
   add_label_flag(command, &arguments->labels, "Label by which jobs can be listed; may be repeated");

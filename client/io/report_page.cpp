@@ -283,9 +283,8 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   report.distances = distances_of(job.metrics().geometry());
   if (job.metrics().geometry().nodes() > 0)
     report.picture_note =
-        "The pictures before show the mesh as it came. All numbers before, besides the distances, are those of the "
-        "mesh "
-        "after its boundary nodes slid.";
+        "The pictures 'before' show the input. Except for the distances, the numbers 'before' describe the mesh after "
+        "its boundary nodes slid.";
   if (auto fetched = fetch_meshes(client, job, &report); !fetched) return fetched;
   if (const auto written = write_report(path, report); !written)
     return file_failure(written.error().sentence, "OUTPUT");

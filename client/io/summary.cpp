@@ -263,11 +263,12 @@ std::string layers_text(const v1::LayersReport& report) {
                         100 * report.full_share());
   if (report.same_shares())
     text +=
-        "\nheights    are the same share of every thick element; with the same heights everywhere, elements would be "
-        "invalid";
+        "\nheights    each layer takes the same share of every thick element, because equal heights would make "
+        "elements invalid";
   if (report.stretched() > 0.01)
     text += fmt::format(
-        "\nheights    differ by up to {:.2g} % from those asked for, because layers begin and end where rows do",
+        "\nheights    differ by up to {:.2g} % from the heights asked for, so that no layer crosses from one row to "
+        "the next",
         100 * report.stretched());
   return text + "\n";
 }

@@ -191,7 +191,8 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
       .value("OUT")
       .one_value_each()
       .or_standard_output();
-  command.add("--format", &arguments->format, "Format of the .msh outputs; default: that of the input").value("NAME");
+  command.add("--format", &arguments->format, "Format of the .msh outputs; default: the format of the input")
+      .value("NAME");
   add_history_flag(command, &arguments->history);
   add_report_flag(command, &arguments->report);
   add_request_id_flag(command, &arguments->request_id);

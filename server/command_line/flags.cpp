@@ -50,7 +50,7 @@ struct Program {
     app.add_option(
         "--config", config,
         "File with settings, one 'key = value' each, with the names of these options without dashes. Options "
-        "and the environment variables VARIMESHD_KEY (such as VARIMESHD_MAX_PRIORITY) go before the file "
+        "and the environment variables VARIMESHD_KEY (such as VARIMESHD_MAX_PRIORITY) override the file "
         "(default: the environment variable VARIMESHD_CONFIG)");
     app.add_flag("--print-config", print_config, "Print all settings, with where they come from, and end");
     put_under(app, "Help and settings");

@@ -41,8 +41,8 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       "Public keys of an OpenID Connect issuer (a JSON Web Key Set), whose tokens are accepted: a file, which is read "
       "again when it changes, or an address with https:// (default: the configuration of --jwt-issuer names them)");
   app.add_option("--jwt-authority", options.web_tokens.authority,
-                 "File with the authority of the server that keys are fetched from, in PEM (default: those that the "
-                 "machine knows)");
+                 "File with the authority of the server that keys are fetched from, in PEM (default: the machine's "
+                 "authorities)");
   app.add_option("--jwt-issuer", options.web_tokens.issuer, "The claim iss of the issuer's tokens");
   app.add_option("--jwt-audience", options.web_tokens.audience,
                  "What the claim aud of the issuer's tokens must be or contain");
@@ -51,9 +51,10 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_option("--jwt-roles-claim", options.web_tokens.roles_claim,
                  "The claim with the roles (submit, read, cancel, admin), as a list or with spaces between them")
       ->capture_default_str();
-  app.add_option("--tls-certificate", options.tls.certificate,
-                 "File with the server's certificate and those that lead to its authority, in PEM: connections are "
-                 "encrypted. The files of the three flags are read again when they change");
+  app.add_option(
+      "--tls-certificate", options.tls.certificate,
+      "File with the server's certificate and the certificates between it and its authority, in PEM. Connections "
+      "are then encrypted. The files of the --tls flags are read again when they change");
   app.add_option("--tls-key", options.tls.key, "File with the private key of the certificate, in PEM");
   app.add_option(
       "--tls-authority", options.tls.authority,
@@ -73,7 +74,7 @@ void add_webhook_flags(CLI::App& app, WebhookSettings& webhooks, Units& units) {
                  "each, https://HOST KEY, and 'private' behind it if the address may be in a private network. It is "
                  "read again when it changes (default: nobody is called)");
   app.add_option("--webhook-authority", webhooks.authority,
-                 "File with the authority of these servers, in PEM (default: those that the machine knows)");
+                 "File with the authority of these servers, in PEM (default: the machine's authorities)");
   app.add_option("--webhook-seconds", units.webhook_seconds,
                  "Seconds until a call that failed is made again; each later pause is twice as long, up to an hour")
       ->capture_default_str()
@@ -89,6 +90,7 @@ void add_resource_flags(CLI::App& app, Flags& flags) {
                  "'process' runs each job in a process of its own, without files and network, which may crash without "
                  "harm to others; 'none' runs all jobs in the server's process")
       ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"process", true}, {"none", false}}))
+      ->type_name("process|none")
       ->default_str(flags.runs_in_processes ? "process" : "none");
   app.add_option("--threads", limits.threads, "Threads shared by the running jobs; 0: all threads of the machine")
       ->check(CLI::Range(0, 4096));

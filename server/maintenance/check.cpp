@@ -110,7 +110,7 @@ class Checker {
     if (path.extension() == ".owners" && is_sha256(path.stem().string())) return;
     const bool compressed = path.extension() == ".zst";
     const std::string digest = compressed ? path.stem().string() : name;
-    if (!is_sha256(digest)) return found("The file '" + name + "' is none of the server's.");
+    if (!is_sha256(digest)) return found("The file '" + name + "' does not belong to the server.");
     if (is_whole(path, compressed ? Form::Zstd : Form::Plain, digest)) {
       whole_.insert(digest);
       return;

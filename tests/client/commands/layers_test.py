@@ -126,7 +126,7 @@ class InARun(WithServer):
         report = self.folder / "report.html"
         done = self.optimise("--reynolds", 1e5, "--length", 1, "--layers", 5, "--report", report)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("y+ is 1 at the height", done.stderr)
+        self.assertIn("high, where y+ is 1", done.stderr)
         self.assertRegex(done.stdout, r"(?m)^ +before +after +layers$")
         self.assertRegex(done.stdout, r"(?m)^layers +5 above 2 wall elements, first height")
         self.assertIn("5 above 2 wall elements", report.read_text())
