@@ -18,10 +18,10 @@ struct NewVertex {
   std::array<std::int32_t, 2> ends{};  ///< The ends of the edge.
 };
 
-/// Puts the nodes that came with new vertices where core/curve/curve.h puts those of a straight mesh: new vertices to
-/// the middle of their edge on its curve or surface, and the nodes of edges and faces with a new vertex between their
-/// vertices. Nodes inside cells with a new vertex are blended from those around. All other nodes stay. So it does not
-/// matter whether the edges that were split had folded elements.
+/// Places the nodes that were added with new vertices as core/curve/curve.h places the new nodes of a straight mesh:
+/// new vertices at the middle of their edge on its curve or surface, and the nodes of edges and faces with a new vertex
+/// between their vertices. Nodes inside cells with a new vertex are blended from those around. All other nodes stay. So
+/// it does not matter whether the edges that were split had folded elements.
 ///
 /// All cells with a new vertex are triangles or tetrahedra.
 /// @param association         that of the mesh before it was split; becomes that of `mesh`

@@ -50,7 +50,7 @@ struct OnGeometryHooks {
 
 struct ResultOnGeometry {
   /// `seconds` and `proof_seconds` are those of all runs, and `seconds` counts sliding and reading the model. `before`,
-  /// `iterations` and `history` are those of the run that the mesh comes from.
+  /// `iterations` and `history` belong to the run whose mesh is the result.
   Result result;
   /// What came of sliding in this run. Nothing if no node was to slide, or if sliding was stopped.
   std::optional<SlidAndMeasured> slid;

@@ -14,14 +14,14 @@ namespace varimesh {
 /// What was tried.
 struct OtherWays {
   bool tried = false;
-  /// How many elements are left that are not certified valid if the mesh is raised by one order first; absent: this was
-  /// not tried, or leaves no fewer.
+  /// The number of elements that are left uncertified if the mesh is first raised by one order; absent if this was not
+  /// tried, or leaves as many elements or more.
   std::optional<std::int64_t> left_at_next_order{};
 };
 
 /// Tries other energies and targets on the mesh as it came if `result`, that of a run with this set-up, has ended by
 /// itself and
-/// - has left cells in no unrepairable group, or more cells than such groups keep at least (least_invalid()): the first
+/// - has left a cell that belongs to no unrepairable group, or more cells than must stay (least_invalid()): the first
 ///   way that leaves no such cell is taken, or else the one that leaves the fewest;
 /// - or has Objective::Accuracy, and the descent left a valid mesh as it was: the way is taken if its loss is lower;
 /// - or has Objective::Worst: the default objective is tried too, whatever its work. It is taken if it leaves fewer
