@@ -262,8 +262,7 @@ bool readable(v1::MeshFormat format) {
   const auto infos = formats::all();
   const auto info = std::find_if(infos.begin(), infos.end(),
                                  [name = spelled(format)](const auto& each) { return each.name == name; });
-  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS;
-  return info != infos.end() && info->readable && (!hdf5 || formats::has_hdf5());
+  return info != infos.end() && info->readable && (!formats::needs_hdf5(info->format) || formats::has_hdf5());
 }
 
 std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> formats, const std::string& report) {
