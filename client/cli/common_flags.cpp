@@ -14,10 +14,11 @@ Flag add_server_flag(Command command, CommonFlags* flags) {
           "(the token itself) and VARIMESH_TOKEN_FILE")
       .value("FILE");
   command
-      .add("--tls-authority", &flags->credentials.authority,
-           "File with the authority of the server's certificate, in PEM: the connection is encrypted; default: the "
-           "environment variable VARIMESH_TLS_AUTHORITY. With an address that begins with https://, the authorities "
-           "of this machine need no flag")
+      .add(
+          "--tls-authority", &flags->credentials.authority,
+          "File with the authority of the server's certificate, in PEM; the connection is then encrypted; default: the "
+          "environment variable VARIMESH_TLS_AUTHORITY. An address that begins with https:// needs no flag if this "
+          "machine knows the authority")
       .value("FILE");
   command
       .add("--tls-certificate", &flags->credentials.certificate,
