@@ -94,7 +94,7 @@ class LayersReport:
     stretched: float  # by how much of its height a layer differs from what was wanted, with several rows
     thick: Quality  # the quality of the mesh before it was split
     grown: tuple[float, float] | None  # the thickness of the row of cells that was grown; None: none was
-    full_share: float  # the share of the walls' area on which that is what was asked for
+    full_share: float  # the share of the walls' area with the thickness that was asked for
 
 
 def layers_report_of(message: optimise_pb2.LayersReport, thick: Quality) -> LayersReport:
