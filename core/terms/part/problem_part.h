@@ -16,7 +16,7 @@ namespace varimesh {
 /// What of a rank's Problem the rank owns, and how it comes by the rest.
 struct ProblemShare {
   const Ranks* ranks = nullptr;
-  const StopToken* stop = nullptr;    ///< At whose wish all ranks stop; may be null.
+  const StopToken* stop = nullptr;    ///< If it asks for a stop on any rank, all stop; may be null.
   std::int32_t own_nodes = 0;         ///< So many at the beginning of Problem::free are this rank's own.
   std::int64_t free_nodes = 0;        ///< Of the whole problem.
   std::vector<std::int32_t> numbers;  ///< By place in Problem::free: the place in that of the whole problem, ascending
