@@ -71,7 +71,8 @@ const std::array kTable{
         "Whether each element has its own δ, or each node one δ for all elements around it"),
     row("method", choice<Method, &Options::method>(kMethod),
         "How the energy is minimised: in sweeps over the nodes, by Newton's method for all nodes at once, or "
-        "(auto) sweeps until the mesh is valid, then Newton's method, and untangling of what they leave"),
+        "(auto) sweeps until the mesh is valid, then Newton's method, and then untangling of elements that are left "
+        "invalid"),
     row("colouring", choice<Colouring, &Options::colouring>(kColouring),
         "What one colour of a sweep is made of: groups of nodes, or single nodes"),
     row("active_set", &Options::active_set,
@@ -150,7 +151,7 @@ const std::array kGeometryTable{
         {},
         {},
         "Which boundary nodes slide: none, surfaces, all (on curves and surfaces), or coupled (the same, and "
-        "then all nodes of the mesh together); auto is all, and tries coupled and none if elements are left"},
+        "then all nodes of the mesh together); auto is all, and tries coupled and none if elements are left invalid"},
     GeometryOption{
         "tolerance",
         &GeometryOptions::tolerance,
@@ -175,16 +176,18 @@ const std::array kGeometryTable{
                    {},
                    "What boundary nodes slide on: a CAD model, or, without one, the mesh's own curved boundary as it "
                    "came"},
-    GeometryOption{"growth",
-                   &GeometryOptions::growth,
-                   {.least = 1},
-                   "a number, 1 or more",
-                   "With the repair refine: how many times as many elements the mesh may have if edges on the boundary "
-                   "are split",
-                   {},
-                   "refine_growth"},
-    GeometryOption{"order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
-                   "The order with which a mesh of order 1 is first curved on the model; 0: it is curved already"},
+    GeometryOption{
+        "growth",
+        &GeometryOptions::growth,
+        {.least = 1},
+        "a number, 1 or more",
+        "With the repair refine, which splits edges on the boundary: the number of elements that the mesh may "
+        "have, divided by their number in the input",
+        {},
+        "refine_growth"},
+    GeometryOption{
+        "order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
+        "The order with which a mesh of order 1 is first curved on the model; 0: the mesh is curved already"},
 };
 
 const std::array kLayerTable{

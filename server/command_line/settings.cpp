@@ -19,11 +19,12 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       "HOST:PORT on loopback for HTTP and JSON: the calls of gRPC for programs without it; port 0 is any free "
       "port");
   app.add_option("--https", options.https,
-                 "HOST:PORT for the same with TLS, which others may reach: it uses the files of --tls-certificate and "
-                 "the flags below it, and callers need what --listen asks them for; port 0 is any free port");
-  app.add_option("--metrics", options.metrics,
-                 "HOST:PORT for plain HTTP that others may reach: metrics for Prometheus, and health checks; port 0 is "
-                 "any free port");
+                 "HOST:PORT for HTTP and JSON with TLS, which other machines may reach. It uses the files of the --tls "
+                 "flags, and callers need the same tokens or certificates as at --listen; port 0 is any free port");
+  app.add_option(
+      "--metrics", options.metrics,
+      "HOST:PORT for plain HTTP that other machines may reach: metrics for Prometheus, and health checks; port "
+      "0 is any free port");
   app.add_option("--traces", flags.traces,
                  "http://HOST:PORT or https://HOST:PORT of a collector of traces (OTLP over HTTP), which is told what "
                  "submitting, waiting for and running a job took");
@@ -46,7 +47,7 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_option("--jwt-issuer", options.web_tokens.issuer, "The claim iss of the issuer's tokens");
   app.add_option("--jwt-audience", options.web_tokens.audience,
                  "What the claim aud of the issuer's tokens must be or contain");
-  app.add_option("--jwt-owner-claim", options.web_tokens.owner_claim, "The claim that says whose a token is")
+  app.add_option("--jwt-owner-claim", options.web_tokens.owner_claim, "The claim with the owner of a token")
       ->capture_default_str();
   app.add_option("--jwt-roles-claim", options.web_tokens.roles_claim,
                  "The claim with the roles (submit, read, cancel, admin), as a list or with spaces between them")
@@ -116,12 +117,12 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   app.add_option("--max-job-iterations", limits.max_job_iterations,
-                 "Iterations of a job; a job that asks for more is refused")
+                 "The most iterations of a job; a job that asks for more is refused")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
-  app.add_option(
-         "--max-job-seconds", limits.max_job_seconds,
-         "Seconds that a job runs; a job that asks for more is refused, and one without a time limit has this one")
+  app.add_option("--max-job-seconds", limits.max_job_seconds,
+                 "The most seconds that a job may run; a job that asks for more is refused, and a job without a time "
+                 "limit gets this limit")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e9));
   app.add_option("--max-priority", limits.max_priority,
@@ -168,14 +169,13 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
   app.add_option("--data", options.data,
                  "Without --state: directory in which the temporary directory for meshes is created (default: TMPDIR, "
                  "or /tmp)");
-  app.add_option(
-         "--max-ended-jobs", limits.max_ended_jobs,
-         "Jobs of an owner that are remembered, with their results, after their end; more are deleted when they "
-         "are old enough")
+  app.add_option("--max-ended-jobs", limits.max_ended_jobs,
+                 "Ended jobs of an owner that are remembered, with their results; older ones are deleted after "
+                 "--min-ended-age")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--min-ended-age", units.ended_minutes,
-                 "Minutes for which every ended job is remembered, however many there are")
+                 "Minutes for which every ended job is remembered, however many jobs have ended")
       ->capture_default_str()
       ->check(CLI::Range(0, 60 * 24 * 36500));  // a century; more nanoseconds would overflow
   app.add_option("--max-ended-age", units.most_ended_hours,

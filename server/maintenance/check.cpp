@@ -87,7 +87,7 @@ class Checker {
     }
     for (const JobRow& row : rows)
       if (!load_events(database, row))
-        found("The events of " + row.record.job.name() + " are damaged; its result is not touched by that.");
+        found("The events of " + row.record.job.name() + " are damaged; this does not affect its result.");
   }
 
   void note_references(const JobRecord& record) {

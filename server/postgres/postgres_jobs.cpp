@@ -109,9 +109,9 @@ Answer<void> PostgresJobs::check() {
                             "; run varimeshd migrate with the same --store first.");
   if (meshes == settings_.meshes) return {};
   return internal_failure(
-      "The jobs of this database have their meshes in another directory; start the server with that one (--meshes, or "
-      "--state if no --meshes was given), or choose another database. After the meshes were restored to a new place, "
-      "the file 'name' must be there too.");
+      "The jobs of this database have their meshes in another directory; start the server with that directory "
+      "(--meshes, or --state if no --meshes was given), or choose another database. After the meshes were restored to "
+      "a new place, the file 'name' must be there too.");
 }
 
 std::optional<Failure> PostgresJobs::with_connection(const std::function<void(PostgresConnection&)>& work,

@@ -40,7 +40,7 @@ class Geometry:
     smooth_angle: float = 0.0
     tolerance: float = 0.0  #: that of --geometry-tolerance, only with slide="coupled"
     slide_on: Literal["model", "boundary"] = "model"
-    growth: float = 1.5  #: with repair="refine": how many times as many elements the mesh may have
+    growth: float = 1.5  #: with repair="refine": most elements of the mesh, divided by their number in the input
     order: int = 0  #: if set, the mesh is of order 1, and is first curved with this order, as by 'varimesh curve'
 
     def to_message(self) -> job_pb2.Geometry:
