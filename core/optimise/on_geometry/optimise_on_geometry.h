@@ -32,7 +32,7 @@ struct SlideTrial {
   /// this mesh: the reason for the trial.
   std::int64_t left_before = 0;
   double min_scaled_jacobian_before = 0;
-  /// The same of the mesh of the trial, if it is Taken or NoBetter.
+  /// The same figures of the trial's mesh, if the trial is Taken or NoBetter.
   std::int64_t left = 0;
   double min_scaled_jacobian = 0;
   std::string error;
