@@ -40,8 +40,8 @@ class Run {
  private:
   // ===== run.cpp: before and after the stages =====
 
-  /// The quality of the mesh as it came. Afterwards `certificates_` are those of the mesh of the set-up, in which
-  /// layers have been brought into form.
+  /// The quality of the mesh as it came. Afterwards `certificates_` belong to the mesh of the set-up, in which layers
+  /// have been brought into form.
   void judge_as_it_came();
   /// The quality of this mesh, which has the elements of the run's, and what its layers are worth.
   QualityReport judge(const HighOrderMesh& mesh);

@@ -31,9 +31,9 @@ struct CoupledReport {
 
 /// How far and how long all nodes may move together.
 struct CoupledLimits {
-  double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
-  /// After this many seconds, those of bottom-up sliding included, no further step begins. The last state is then held
-  /// back within the limits of distance, and the best state so far is taken. 0: no limit.
+  double tolerance = 0;  ///< Of distances, in the mesh's unit of length; 0: twice the distances in the mesh as it came.
+  /// After this many seconds, the seconds of bottom-up sliding included, no further step begins. The last state is then
+  /// held back within the limits of distance, and the best state so far is taken. 0: no limit.
   double seconds = 0;
 };
 
