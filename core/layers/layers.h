@@ -11,7 +11,7 @@
 
 namespace varimesh {
 
-/// What nodes do that are on flat sides at which a wall ends.
+/// What nodes on flat sides do, at which a wall ends.
 enum class OnFlatSides : std::uint8_t { Stay, Slide };
 
 /// What became of the layers at curved walls.

@@ -56,8 +56,8 @@ struct Asked {
   // The rest is for What::Loss.
 
   double bound = 0;  ///< Options::min_js.
-  /// The loss of the mesh as it came if it was valid. Then no mesh with a higher loss is better, and none that gains
-  /// next to nothing.
+  /// The loss of the mesh as it came if it was valid. Then a mesh with a higher loss is not better, nor a mesh that
+  /// gains next to nothing.
   std::optional<double> loss_as_it_came = std::nullopt;
   /// Of all meshes among which the choice is, so far. The two that are compared count too.
   double highest_minimum = -1;                                  ///< Of those with the fewest uncertified cells.
@@ -76,11 +76,12 @@ Asked asked_by(const Options& options);
 /// 4. not lower than the mesh as it came (lower_than_it_came),
 /// 5. what is asked for.
 ///
-/// What::Loss: if cells are uncertified, the lower loss. If only one reaches the bound, this one. If none does, the one
-/// with at least threshold::kShareOfHighest of the highest minimum; if both or neither have that, the one whose loss is
-/// lower by more than threshold::kLossGivenForMinimum. If both do, the lower loss, or, if both are within
-/// threshold::kLossGivenForMinimum of the least, the higher minimum up to threshold::kWanted, and then the lower loss.
-/// If all that is equal, the higher minimum.
+/// What::Loss: if cells are uncertified, the mesh with the lower loss. If only one mesh reaches the bound, this mesh.
+/// If no mesh reaches it, the mesh with at least threshold::kShareOfHighest of the highest minimum; if both or neither
+/// have that share, the mesh whose loss is lower by more than threshold::kLossGivenForMinimum. If both meshes reach the
+/// bound, the mesh with the lower loss; but if both losses are within threshold::kLossGivenForMinimum of the least
+/// loss, the mesh with the higher minimum up to threshold::kWanted, and then the one with the lower loss. If all that
+/// is equal, the mesh with the higher minimum.
 bool is_better(const Merit& a, const Merit& b, const Asked& asked = {});
 
 /// Whether both the smallest, by more than `margin`, and the mean scaled Jacobian of `a` are below those of `b`. A mesh

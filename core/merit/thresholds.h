@@ -13,8 +13,8 @@ inline constexpr double kWeak = 0.02;
 inline constexpr double kWanted = 0.5;
 /// At order 2 a valid mesh with this minimum needs no descent if its loss is below kLittleLoss.
 inline constexpr double kGood = 0.3;
-/// If no mesh of a run reaches the bound on the scaled Jacobian, those count that have this share of the highest
-/// minimum.
+/// If no mesh of a run reaches the bound on the scaled Jacobian, the meshes count whose minimum is at least this share
+/// of the highest minimum.
 inline constexpr double kShareOfHighest = 0.5;
 /// A mesh with this share of the bound may still reach it.
 inline constexpr double kInReach = 0.5;
@@ -35,8 +35,9 @@ inline constexpr double kFalls = 0.99;
 /// A round of the descent that raises the loss by more than this, and the minimum not at all, is taken back.
 inline constexpr double kRises = 1.1;
 
-/// A descent that begins with the weights of the one before is to lower the loss by this share. Otherwise it is the
-/// weights that hold it: with nine triangles and two that came tangled, they kept it at .047 in place of .038.
+/// A descent that begins with the weights of the descent before is to lower the loss by this share. Otherwise the
+/// weights hold the loss up: with nine triangles and two that came tangled, they kept the loss at .047 in place of
+/// .038.
 inline constexpr double kGainWithWeights = 0.1;
 /// A solver's error on what decays from a wall may rise by this factor in a mesh with layers that came in valid.
 inline constexpr double kRisesInLayers = 1.02;

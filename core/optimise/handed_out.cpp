@@ -84,7 +84,7 @@ void Run::keep_as_it_came(std::string why) {
   if (set_up_.as_it_came.empty())
     result_.kept_as_it_came = "The mesh stays as it came: " + std::move(why);
   else
-    result_.notes.push_back("But for its layers, the mesh stays as it came: " + std::move(why));
+    result_.notes.push_back("Except for its layers, the mesh stays as it came: " + std::move(why));
   result_.mesh.coordinates = set_up_.mesh.coordinates;
   result_.after = at_start_;
 }

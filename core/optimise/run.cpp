@@ -155,7 +155,8 @@ std::string Run::why_unmoved() {
            (mesh.dimension == 3 ? "To curve them, curve the mesh on its CAD model. " : "") +
            "The target ideal makes their shapes more regular.";
   if (is_for_accuracy() && result_.iterations == 0)
-    return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
+    return "The curvature of these elements costs a solver next to nothing beside what their size costs, so nothing "
+           "was moved.";
   if (is_for_accuracy())
     return "No mesh with a lower loss of accuracy was found that is worth the change, so nothing was moved.";
   return "The mesh is at its optimum already: no node would move by more than the tolerance, so nothing was moved.";

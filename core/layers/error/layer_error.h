@@ -18,10 +18,10 @@ namespace varimesh {
 ///     u_k = exp(−n/δ_k),   δ_k = 2ᵏ h ≤ H,   k = 0, 1, …
 ///
 /// are as thin as the first layer, as thick as all layers, and in between: h is the height of the first layer above a
-/// facet of the wall and H that of all layers there. I u interpolates at the nodes, so ∇(u − I u) is what an element of
-/// this shape cannot hold: because its nodes do not lie on surfaces parallel to the wall, because of how they are
-/// spaced across the layer, or because of its size. With sums over the facets f of the walls and integrals over the
-/// elements above each,
+/// facet of the wall, and H is the height of all layers there. I u interpolates at the nodes, so ∇(u − I u) is what an
+/// element of this shape cannot hold: because its nodes do not lie on surfaces parallel to the wall, because of how
+/// they are spaced across the layer, or because of its size. With sums over the facets f of the walls and integrals
+/// over the elements above each,
 ///
 ///     e_k² = Σ_f δ_k ∫|∇(u_k − I u_k)|² / Σ_f δ_k ∫|∇u_k|²,   e² = mean of e_k² over k.
 ///
