@@ -92,4 +92,14 @@ bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, con
   });
 }
 
+bool gains_without_loss(const QualityReport& as_it_came, const QualityReport& now, const Options& options) {
+  const Merit came = merit_of(as_it_came);
+  Merit merit = merit_of(now);
+  merit.lower_than_it_came = options.target == Target::StraightSided && costs_shape(merit, came);
+  Asked asked = asked_by(options);
+  asked.loss_as_it_came = came.loss;
+  return merit.loss < threshold::kFalls * came.loss && is_better(merit, came, asked) &&
+         !loses_layers(as_it_came, now, options, threshold::kRoundingInLayers);
+}
+
 }  // namespace varimesh

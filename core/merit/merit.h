@@ -101,6 +101,10 @@ inline bool keeps_loss(const Merit& now, const Merit& as_it_came) { return now.l
 bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options,
                   double may_rise = threshold::kRisesInLayers);
 
+/// Whether a mesh with a lower loss loses nothing else of one that came in valid: no shape (costs_shape()) if elements
+/// aim at their straight-sided shapes, and in its layers at most threshold::kRoundingInLayers.
+bool gains_without_loss(const QualityReport& as_it_came, const QualityReport& now, const Options& options);
+
 /// Whether the minimum of `a` is higher by more than threshold::kHigher.
 bool has_higher_minimum(const Merit& a, const Merit& b);
 

@@ -41,6 +41,8 @@ inline constexpr double kRises = 1.1;
 inline constexpr double kGainWithWeights = 0.1;
 /// A solver's error on what decays from a wall may rise by this factor in a mesh with layers that came in valid.
 inline constexpr double kRisesInLayers = 1.02;
+/// If it rises by less than this factor, that is rounding.
+inline constexpr double kRoundingInLayers = 1 + 1e-9;
 /// An error in layers that is lower than this is rounding.
 inline constexpr double kNoErrorInLayers = 1e-9;
 

@@ -5,9 +5,11 @@
 #include <cstdio>
 #include <string>
 #include <utility>
+#include <vector>
 
-#include "core/merit/thresholds.h"
+#include "core/merit/merit.h"
 #include "core/optimise/run.h"
+#include "core/quality/certified_quality.h"
 
 namespace varimesh {
 namespace {
@@ -28,23 +30,30 @@ std::string pair_text(const QualityReport& report) {
 }  // namespace
 
 bool Run::goes_part_of_the_way() {
+  if (grace_.stopped()) return false;
   const std::vector<double>& came = set_up_.mesh.coordinates;
-  HighOrderMesh mesh = result_.mesh;
+  std::vector<double>& now = result_.mesh.coordinates;
+  const std::vector<double> end = now;
   for (const Share& share : kShares) {
-    if (grace_.stopped()) return false;
-    for (std::size_t i = 0; i < came.size(); ++i)
-      mesh.coordinates[i] = std::lerp(came[i], result_.mesh.coordinates[i], share.of_the_way);
-    team_.run([&] { certifier_->certify(mesh.coordinates, certificates_, team_, sharers()); });
+    for (std::size_t i = 0; i < end.size(); ++i) now[i] = std::lerp(came[i], end[i], share.of_the_way);
+    bool is_certified = false;
+    const auto certify = [&] {
+      team_.run([&] { certifier_->certify(now, certificates_, team_, sharers()); });
+      is_certified = true;
+    };
+    grace_.finish(certify, [] {});
+    if (!is_certified) break;
     if (!are_valid(certificates_)) continue;
-    QualityReport report = judge(mesh);
-    if (loses_layers(at_start_, report, options_, 1) || !keeps_loss(merit_of(report), merit_of(at_start_))) continue;
-    result_.mesh.coordinates = std::move(mesh.coordinates);
+    QualityReport report = judge(result_.mesh);
+    if (!gains_without_loss(at_start_, report, options_)) continue;
     result_.after = std::move(report);
+    if (std::exchange(result_.converged, false)) result_.stop_reason = StopReason::NoProgress;
     result_.notes.push_back("The nodes went " + std::string(share.name) +
                             " of the way to where the run ended, because there a solver's error in the layers at the "
                             "wall may be higher.");
     return true;
   }
+  now = end;
   return false;
 }
 

@@ -22,7 +22,7 @@ enum class StopReason : std::uint8_t {
   Repaired,    ///< Until::Valid: every cell that is not certified valid is unrepairable.
   NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found, or
                ///< rounding keeps the residual above the tolerance. Objective::Accuracy: the rounds gained no more, but
-               ///< had not come to rest.
+               ///< had not come to rest, or the mesh is one on the way to where they did.
   Quality,     ///< until_js is reached.
   TimeLimit,   ///< time_limit is reached.
   Iterations,  ///< max_iterations is reached.
@@ -87,8 +87,9 @@ struct Result : RunSummary {
   /// Objective::Worst, it is the one of these with the highest proved minimum of the scaled Jacobian. If all cells of
   /// the input mesh are certified valid and the target is the straight-sided shape, the smallest and the mean scaled
   /// Jacobian of `after` are not both lower than those of `before`: otherwise the result is the input mesh. With
-  /// Objective::Accuracy the result is the best mesh of the descent (core/solvers/descent/descent.h) instead: if all
-  /// cells of the input mesh are certified valid, its loss of accuracy is not above that of the input. With
+  /// Objective::Accuracy the result is the best mesh of the descent (core/solvers/descent/descent.h) instead, or, if a
+  /// solver's error in its layers would rise, a mesh on the way to it: if all cells of the input mesh are certified
+  /// valid, its loss of accuracy is not above that of the input. With
   /// Repair::Split the mesh may have more elements and nodes, numbered above those of the input. If the input is at its
   /// optimum already or has no free node, it comes back bit for bit. Cells that came clockwise are clockwise here too,
   /// unless Options::orient is set.

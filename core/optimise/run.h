@@ -81,9 +81,9 @@ class Run {
   /// which the scaled Jacobian does not judge.
   void keep_the_better();
   void keep_as_it_came(std::string why);
-  /// If the mesh has a lower loss where the run ended, but a solver's error in its layers may be higher: takes the mesh
-  /// that is the largest share of the way there at which no profile loses anything. False if there is none. Then the
-  /// certificates belong to no mesh of the result.
+  /// If the mesh has a lower loss where the run ended, but a solver's error in its layers may be higher: goes the
+  /// largest of three shares of the way there at which the loss is lower and no profile loses anything. False if there
+  /// is none; the mesh is then the one where the run ended, and `certificates_` are those of another mesh.
   bool goes_part_of_the_way();
 
   // ===== run_stages.cpp: a single stage for Objective::Energy, several for Objective::Worst =====

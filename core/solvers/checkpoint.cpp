@@ -4,7 +4,7 @@ namespace varimesh {
 namespace {
 
 /// Names the layout and the meaning of its numbers. Raise the number with every change of either.
-constexpr std::string_view kMark = "VariMesh checkpoint 13\n";
+constexpr std::string_view kMark = "VariMesh checkpoint 14\n";
 constexpr std::size_t kPiece = 256 << 10;
 
 std::uint64_t mixed(std::uint64_t hash, std::uint64_t word) {

@@ -5,6 +5,9 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "core/base/index.h"
@@ -27,7 +30,7 @@ constexpr int kMostProfiles = 2 * kMostThicknesses;
 constexpr double kGone = 1e-9;
 constexpr std::size_t kNodesAtOnce = 64;  ///< That a thread takes.
 /// Cells are added up in their order within a block and then by block, so the sums do not depend on the threads.
-constexpr std::size_t kCellsPerSum = 256;
+constexpr std::size_t kCellsPerSum = 32;
 
 /// The basis of a shape at points of quadrature.
 struct Basis {
@@ -61,16 +64,19 @@ struct Sums {
 
 class Measurer {
  public:
-  Measurer(const HighOrderMesh& mesh, const detail::Columns& columns, std::vector<LayerCell> layers)
+  /// The columns and the layers are those of `came`, which has the same elements.
+  Measurer(const HighOrderMesh& mesh, const HighOrderMesh& came, const detail::Columns& columns,
+           std::vector<LayerCell> layers)
       : mesh_(mesh),
+        came_(came),
         columns_(columns),
         layers_(std::move(layers)),
         wall_(mesh, columns),
         cells_(mesh, mesh.dimension) {}
 
   std::optional<LayerError> measure(const Team& team) {
-    find_distances(team);
-    find_profiles();
+    find_profiles(distances(came_, true, team));
+    distance_ = distances(mesh_, false, team);
     for (const LayerCell& layer : layers_) {
       const Shape shape = cells_.shape(at(layer.cell));
       auto& basis = bases_[static_cast<std::size_t>(shape)];
@@ -80,47 +86,55 @@ class Measurer {
     team.run([&] {
       team.for_ranges(sums.size(), 1, [&](std::size_t begin, std::size_t end) {
         for (std::size_t block = begin; block < end; ++block)
-          for (std::size_t i = block * kCellsPerSum; i < std::min((block + 1) * kCellsPerSum, layers_.size()); ++i)
+          for (std::size_t i = block * kCellsPerSum; i < std::min((block + 1) * kCellsPerSum, layers_.size()); ++i) {
+            team.look();
             add(layers_[i], sums[block]);
+          }
       });
     });
     return total(sums);
   }
 
  private:
-  /// The distance of each node of the layers from the wall above which it lies.
-  void find_distances(const Team& team) {
+  /// By node: the distance of the layers' nodes, or of their vertices only, from the wall above which they lie; 0 for
+  /// other nodes. Both meshes have the same wall.
+  std::vector<double> distances(const HighOrderMesh& mesh, bool only_vertices, const Team& team) const {
     constexpr std::int32_t kNone = -1;
-    std::vector<std::int32_t> facet_of(mesh_.node_count(), kNone), nodes;
-    for (const LayerCell& layer : layers_)
-      for (const std::int32_t node : cells_.nodes(at(layer.cell))) {
+    std::vector<std::int32_t> facet_of(mesh.node_count(), kNone), nodes;
+    for (const LayerCell& layer : layers_) {
+      const std::span<const std::int32_t> all = cells_.nodes(at(layer.cell));
+      const int vertices = reference::info(cells_.shape(at(layer.cell))).vertices;
+      for (const std::int32_t node : only_vertices ? all.first(at(vertices)) : all) {
         if (facet_of[at(node)] == kNone) nodes.push_back(node);
         facet_of[at(node)] = layer.facet;
       }
-    distance_.assign(mesh_.node_count(), 0);
+    }
+    std::vector<double> found(mesh.node_count(), 0);
     team.run([&] {
       team.for_ranges(nodes.size(), kNodesAtOnce, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i)
-          distance_[at(nodes[i])] = wall_.distance(detail::point(mesh_, nodes[i]), facet_of[at(nodes[i])]).value;
+          found[at(nodes[i])] = wall_.distance(detail::point(mesh, nodes[i]), facet_of[at(nodes[i])]).value;
       });
     });
+    return found;
   }
 
-  /// The thickness of the first profile above each facet, and the number of thicknesses.
-  void find_profiles() {
+  /// The thickness of the first profile above each facet, and the number of thicknesses, from the distances of the
+  /// vertices in the mesh as it came.
+  void find_profiles(const std::vector<double>& distance) {
     const std::size_t facets = columns_.facets.size();
     std::vector<double> highest(facets, 0);
     first_.assign(facets, 0);
     count_.assign(facets, 0);
     for (const LayerCell& layer : layers_)
       for (const std::int32_t node : cells_.nodes(at(layer.cell)))
-        highest[at(layer.facet)] = std::max(highest[at(layer.facet)], distance_[at(node)]);
+        highest[at(layer.facet)] = std::max(highest[at(layer.facet)], distance[at(node)]);
     for (std::size_t facet = 0; facet < facets; ++facet) {
       const detail::WallFacet& wall = columns_.facets[facet];
       const int corners = reference::info(wall.shape).vertices;
       for (int v = 0; v < corners; ++v) {
         const auto& column = columns_.vertices[at(columns_.column_of[at(wall.nodes[at(v)])])];
-        if (column.size() > 1) first_[facet] += distance_[at(column[1])] / corners;
+        if (column.size() > 1) first_[facet] += distance[at(column[1])] / corners;
       }
       if (!(first_[facet] > 0)) continue;
       // Rounding must not decide whether the last profile is as thick as the layers.
@@ -222,6 +236,7 @@ class Measurer {
   }
 
   const HighOrderMesh& mesh_;
+  const HighOrderMesh& came_;
   const detail::Columns& columns_;
   const std::vector<LayerCell> layers_;
   const detail::WallDistance wall_;
@@ -234,14 +249,16 @@ class Measurer {
 
 }  // namespace
 
-std::optional<LayerError> layer_error(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
-  detail::Columns columns = detail::find_columns(mesh, facets, detail::Walls::Curved);
-  if (columns.empty()) columns = detail::find_columns(mesh, facets, detail::Walls::All);
+std::optional<LayerError> layer_error(const HighOrderMesh& mesh, const Facets& facets, const Team& team,
+                                      const HighOrderMesh* as_it_came) {
+  const HighOrderMesh& came = as_it_came != nullptr ? *as_it_came : mesh;
+  detail::Columns columns = detail::find_columns(came, facets, detail::Walls::Curved);
+  if (columns.empty()) columns = detail::find_columns(came, facets, detail::Walls::All);
   if (columns.empty()) return std::nullopt;
-  const std::vector<bool> none(mesh.node_count(), false);
-  detail::Placement placement = detail::place_in_layers(mesh, columns, LayerSpacing::Keep, none);
+  const std::vector<bool> none(came.node_count(), false);
+  detail::Placement placement = detail::place_in_layers(came, columns, LayerSpacing::Keep, none);
   if (placement.cells.empty()) return std::nullopt;
-  return Measurer(mesh, columns, std::move(placement.cells)).measure(team);
+  return Measurer(mesh, came, columns, std::move(placement.cells)).measure(team);
 }
 
 }  // namespace varimesh

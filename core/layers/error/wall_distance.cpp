@@ -1,10 +1,10 @@
 #include "core/layers/error/wall_distance.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include "core/base/index.h"
 #include "core/geometry/foot_on_element.h"
@@ -16,18 +16,27 @@ namespace {
 using Vector = Eigen::Vector3d;
 
 constexpr int kMostSteps = 40;
-/// The last step to a foot is this small in reference coordinates, or beside the coordinates of the points. Distances
-/// are far more accurate, because they change with the square of the step.
-constexpr double kSettled = 1e-10;
-/// A point with a foot on the border of a facet is above the facet if this is the most by which it leans outwards.
+constexpr double kSettled = 1e-12;  ///< A step that is this small in reference coordinates is the last.
+/// On a facet of a solid, a step that is shorter than this share of the distance is not taken any more.
+constexpr double kShortStep = 1e-6;
+/// A point whose foot is on the border of a facet lies beside the facet if the sine of the angle between the way to it
+/// and the normal is above this.
 constexpr double kLeans = 1e-6;
 
-/// Which way leads from a foot to a point above it, whose difference is `off`. Rounding of coordinates, which is not
-/// small beside the height of thin layers, must not tilt it. So what is tangential in `off` goes.
-/// @param tangents  orthogonal
-Vector away_from_wall(const Vector& off, std::span<const Vector> tangents) {
+/// The tangents of the wall at a foot, which are orthogonal.
+struct Tangents {
+  std::array<Vector, 2> of;
+  std::size_t count = 0;
+
+  std::span<const Vector> all() const { return std::span(of).first(count); }
+};
+
+/// The unit vector from a foot on the wall towards a point above it; `off` is the point minus the foot. Rounding of
+/// coordinates, which is not small beside the height of thin layers, must not tilt it. So what is tangential in `off`
+/// goes.
+Vector away_from_wall(const Vector& off, const Tangents& tangents) {
   Vector normal = off;
-  for (const Vector& tangent : tangents) normal -= tangent * (tangent.dot(normal) / tangent.squaredNorm());
+  for (const Vector& tangent : tangents.all()) normal -= tangent * (tangent.dot(normal) / tangent.squaredNorm());
   return normal.stableNormalized();
 }
 
@@ -68,23 +77,23 @@ WallDistance::WallDistance(const HighOrderMesh& mesh, const Columns& columns) : 
 
 WallDistance::Foot WallDistance::foot(const Vector& point, std::int32_t facet) const {
   const geometry::ElementMap& map = maps_[at(facet)];
-  std::vector<Vector> tangents;
+  Tangents tangents;
   Vector off;
   bool on_border = false;
   if (map.shape() == Shape::Line) {
     const auto [at, is_end] = foot_on_line(map, point);
     off = point - at.x;
     on_border = is_end;
-    tangents = {at.dt};
+    tangents = {{at.dt}, 1};
   } else {
     const geometry::ElementFoot found =
-        geometry::foot_on_element(map, point, geometry::nearest_node(map, point), kSettled);
+        geometry::foot_on_element(map, point, geometry::nearest_node(map, point), kShortStep);
     const geometry::SurfacePoint at = map.at(found.at[0], found.at[1]);
     off = point - found.x;
     on_border = found.on_border;
-    tangents = {at.du, at.dv - at.du * (at.du.dot(at.dv) / at.du.squaredNorm())};
+    tangents = {{at.du, at.dv - at.du * (at.du.dot(at.dv) / at.du.squaredNorm())}, 2};
   }
-  const bool leans = on_border && std::ranges::any_of(tangents, [&](const Vector& tangent) {
+  const bool leans = on_border && std::ranges::any_of(tangents.all(), [&](const Vector& tangent) {
                        return std::abs(tangent.dot(off)) > kLeans * tangent.norm() * off.norm();
                      });
   return {{off.norm(), leans ? off.stableNormalized() : away_from_wall(off, tangents)}, leans};

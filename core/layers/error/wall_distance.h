@@ -1,4 +1,4 @@
-// How far nodes of layers lie from their wall. Internal to core/layers.
+// How far points of layers lie from their wall, and in which direction. Internal to core/layers.
 #pragma once
 
 #include <vector>

@@ -250,7 +250,7 @@ class Attempts {
       try_ways(**prepared, pass_on, control, stop_, result, false);
     // A set-up for another objective looks for no layers.
     if (order == 0 && result_.before.in_layers && !result.after.in_layers)
-      result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads));
+      result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads), &set_up_.mesh);
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;
     result_.proof_seconds += result.proof_seconds;

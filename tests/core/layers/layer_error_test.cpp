@@ -118,7 +118,7 @@ TEST(LayerError, DoesNotDependOnPlaceSizeOrThreads) {
 
 /// Round a quarter of a circle with the radius 1, with 8 layers. The errors are those that another program finds from
 /// the formula, with the distance from the circle. The wall of the mesh, from which the distance counts, is not quite
-/// the circle: beside the first layer this is a thousandth.
+/// the circle: the gap is a thousandth of the first layer's height.
 TEST(LayerError, OfGradedAndEvenNodesIsThatOfAnotherProgram) {
   for (const Shape shape : {Shape::Quadrilateral, Shape::Triangle}) {
     const HighOrderMesh even = make({shape, 3, 8, 1e-2, 1.9, Inside::Parallel});
@@ -131,9 +131,9 @@ TEST(LayerError, OfGradedAndEvenNodesIsThatOfAnotherProgram) {
   }
 }
 
-/// A gap between the circle and what is polynomial of the distance at the nodes is what a solver sees of an element
-/// that is as high as wide. A solver's error for exp(−n/.3) is .701 and for exp(−n) 1.33 times as high on parallel
-/// surfaces.
+/// In an element about as high as wide, the distance from the wall is not the polynomial through its values at the
+/// nodes, and a solver sees that. On parallel surfaces its error for exp(−n/.3) is .701 times as high, and for exp(−n)
+/// 1.33 times.
 TEST(LayerError, SeesHowTheDistanceVariesInsideACell) {
   const Layers layers{Shape::Triangle, 2, 8, 0.06041, 1.3895, Inside::StraightSided};
   Layers parallel = layers;
@@ -144,6 +144,35 @@ TEST(LayerError, SeesHowTheDistanceVariesInsideACell) {
   const auto share = [&](std::size_t of) { return on_surfaces->of_profiles[of] / straight->of_profiles[of]; };
   EXPECT_LT(share(4), 0.8);  // exp(−n/.24)
   EXPECT_GT(share(8), 1.2);  // exp(−n/.97)
+}
+
+/// In 8 layers of one height, the last profile is exactly as thick as all layers.
+TEST(LayerError, HasTheProfilesOfTheMeshAsItCame) {
+  const HighOrderMesh came = make({Shape::Quadrilateral, 3, 8, 0.1, 1, Inside::Parallel});
+  HighOrderMesh mesh = came;
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    double* const x = &mesh.coordinates[3 * node];
+    const double radius = std::hypot(x[0], x[1]), above = (radius - 1) / 0.8;
+    for (std::size_t c = 0; c < 2; ++c) x[c] *= 1 + 1e-3 * above * (1 - above);
+  }
+  const Team team(2);
+  Facets found;
+  team.run([&] { found = facets(came, team); });
+  const auto before = layer_error(came, found, team), alone = layer_error(mesh, found, team);
+  const auto after = layer_error(mesh, found, team, &came);
+  ASSERT_TRUE(before && after && alone);
+  ASSERT_EQ(before->of_profiles.size(), 8U);
+  ASSERT_EQ(after->of_profiles.size(), 8U);
+  EXPECT_EQ(alone->of_profiles.size(), 6U) << "its first layer is higher";
+  for (std::size_t k = 0; k < 8; ++k)
+    EXPECT_NEAR(after->of_profiles[k], before->of_profiles[k], 0.01 * before->of_profiles[k]);
+}
+
+TEST(LayerError, DoesNotDependOnTheDistanceFromTheOrigin) {
+  HighOrderMesh mesh = make({Shape::Hexahedron, 2, 6, 1e-4, 2, Inside::Parallel});
+  const double before = error_at(mesh);
+  for (double& x : mesh.coordinates) x += 1e3;
+  EXPECT_NEAR(error_at(mesh), before, 1e-6 * before);  // the coordinates are rounded to 1e-9 of the first layer
 }
 
 TEST(LayerError, IsAbsentWithoutLayersAndWhereALayerIsInvalid) {

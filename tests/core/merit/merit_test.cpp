@@ -194,5 +194,25 @@ TEST(LosesLayers, UnlessTheirSpacingIsToChangeOrTheMeshCameInvalid) {
   EXPECT_FALSE(loses_layers(invalid, with_errors_in_layers({2}), {}));
 }
 
+// ===== a mesh on the way to the end of a run =====
+
+TEST(GainsWithoutLoss, IfTheLossFallsAndNothingElseIsLost) {
+  Options options;
+  options.objective = Objective::Accuracy;
+  const auto report = [](double loss, double minimum, double mean, double in_layers) {
+    QualityReport made = with_errors_in_layers({in_layers});
+    made.accuracy = Accuracy{loss, {}};
+    made.min_scaled_jacobian = made.certified.min_scaled_jacobian_lower_bound = minimum;
+    made.mean_scaled_jacobian = mean;
+    made.certified.valid = 8;
+    return made;
+  };
+  const QualityReport came = report(1e-3, 0.4, 0.9, 0.1);
+  EXPECT_TRUE(gains_without_loss(came, report(5e-4, 0.4, 0.9, 0.1), options));
+  EXPECT_FALSE(gains_without_loss(came, report(9.99e-4, 0.4, 0.9, 0.1), options)) << "too little is gained";
+  EXPECT_FALSE(gains_without_loss(came, report(5e-4, 0.3, 0.8, 0.1), options)) << "it costs shape";
+  EXPECT_FALSE(gains_without_loss(came, report(5e-4, 0.4, 0.9, 0.1001), options)) << "it loses in the layers";
+}
+
 }  // namespace
 }  // namespace varimesh

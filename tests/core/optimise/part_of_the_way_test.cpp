@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
 
 #include "core/optimise/optimiser.h"
+#include "core/ranks/thread_ranks.h"
 #include "tests/core/layers/layer_meshes.h"
 
 namespace varimesh {
@@ -25,6 +27,7 @@ TEST(ThickLayers, OfHighOrderGoPartOfTheWay) {
     ASSERT_TRUE(result->before.uncertified.empty() && result->before.in_layers && result->after.in_layers);
     EXPECT_TRUE(says(*result, "of the way to where the run ended")) << order;
     EXPECT_TRUE(result->after.uncertified.empty());
+    EXPECT_FALSE(result->converged) << "the run came to rest elsewhere";
     EXPECT_LT(result->after.accuracy->loss, 0.9 * result->before.accuracy->loss);
     const auto &before = result->before.in_layers->of_profiles, &after = result->after.in_layers->of_profiles;
     ASSERT_EQ(before.size(), after.size());
@@ -32,7 +35,22 @@ TEST(ThickLayers, OfHighOrderGoPartOfTheWay) {
   }
 }
 
-/// A solver's error for exp(−n) would be three times as high, and already on the first steps of the way it rises.
+TEST(ThickLayers, GoAsFarOnSeveralRanks) {
+  Options options;
+  options.threads = 1;
+  const auto alone = optimise(thick_layers(3), options);
+  ASSERT_TRUE(alone) << alone.error().sentence;
+  run_as_ranks(3, [&](const Ranks& ranks) {
+    RunControl control;
+    control.ranks = &ranks;
+    const auto together = optimise(thick_layers(3), options, {}, control);
+    ASSERT_TRUE(together) << together.error().sentence;
+    EXPECT_EQ(together->mesh.coordinates, alone->mesh.coordinates);
+    EXPECT_EQ(together->notes, alone->notes);
+  });
+}
+
+/// A solver's error for exp(−n) would be three times as high, and it rises after a quarter of the way.
 TEST(ThickLayers, OfOrderTwoStayAsTheyCame) {
   const HighOrderMesh mesh = thick_layers(2);
   const auto result = optimise(mesh);
