@@ -50,8 +50,8 @@ Refusal keys_unavailable() {
 Refusal certificate_nameless() {
   return refusal(
       Code::Unauthenticated, "CERTIFICATE_NAMELESS",
-      "The owner of a job is the common name in the client's certificate, and there is none; use a certificate "
-      "that has one, or give the server --tokens.");
+      "The client's certificate has no common name, which would be the owner of its jobs; use a certificate with one, "
+      "or give the server --tokens.");
 }
 
 Refusal page_without_tokens() {
@@ -63,8 +63,7 @@ Refusal page_without_tokens() {
 
 Refusal page_only_shows() {
   return refusal(Code::PermissionDenied, "RIGHT_MISSING",
-                 "This page cancels jobs only for those who have a token, and this server asks for none; use 'varimesh "
-                 "cancel'.",
+                 "This page can cancel jobs only on a server that asks for tokens; use 'varimesh cancel'.",
                  {{"rights", "cancel"}});
 }
 

@@ -61,12 +61,12 @@ struct ServerOptions {
   std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
   std::string meshes;  ///< With `open_jobs`: a directory of meshes that servers share. Empty: they are in `state`.
   std::shared_ptr<MeshPlace> mesh_place;  ///< As `meshes`, but elsewhere than in a directory.
-  Role role = Role::All;                  ///< Other than All: other servers of the same database do the rest.
+  Role role = Role::All;                  ///< If it is not All, other servers of the same database do the rest.
   bool isolates =
       false;      ///< The engine runs each job in a process of its own, and tells when that process has crashed.
   Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
   std::vector<std::string> devices = {};  ///< For jobs, as CUDA_VISIBLE_DEVICES names each. Empty: jobs have none.
-  int jobs_per_device = 1;                ///< That may have the same device at a time.
+  int jobs_per_device = 1;                ///< Jobs that may have the same device at a time.
   std::string device_names = {};          ///< What these devices are called.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   SpanSink spans;                         ///< Takes the spans of calls and jobs, for traces; may be empty.
@@ -105,7 +105,7 @@ class Server {
 
  private:
   explicit Server(ServerOptions options);
-  /// As start(); what the packages that it stands on throw goes on to the caller.
+  /// As start(), but exceptions of the packages that it uses go on to the caller.
   static Expected<std::unique_ptr<Server>> start_or_throw(ServerOptions options);
   /// The steps of start(). Errors as there.
   Expected<void> read_tokens();

@@ -73,7 +73,7 @@ constexpr std::array kExamples{
     Example{"doctor", "check this machine", "varimesh doctor"},
     Example{"doctor", "check this machine and a server", "varimesh doctor --server HOST:PORT"},
     Example{"ui", "look at meshes and optimise them in a browser", "varimesh ui"},
-    Example{"ui", "the same with the page of a server that is there", "varimesh ui --page http://127.0.0.1:8080/"},
+    Example{"ui", "the same with the page of a running server", "varimesh ui --page http://127.0.0.1:8080/"},
     Example{"certificates", "make certificates for a server on this machine, and for two clients",
             "varimesh certificates DIR --client ann --client bob"},
     Example{"completion", "print the completion script for bash", "varimesh completion bash"},

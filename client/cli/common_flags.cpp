@@ -14,10 +14,11 @@ Flag add_server_flag(Command command, CommonFlags* flags) {
           "(the token itself) and VARIMESH_TOKEN_FILE")
       .value("FILE");
   command
-      .add("--tls-authority", &flags->credentials.authority,
-           "File with the authority of the server's certificate, in PEM: the connection is encrypted; default: the "
-           "environment variable VARIMESH_TLS_AUTHORITY. With an address that begins with https://, the authorities "
-           "of this machine need no flag")
+      .add(
+          "--tls-authority", &flags->credentials.authority,
+          "File with the authority of the server's certificate, in PEM; the connection is then encrypted; default: the "
+          "environment variable VARIMESH_TLS_AUTHORITY. An address that begins with https:// needs no flag if this "
+          "machine knows the authority")
       .value("FILE");
   command
       .add("--tls-certificate", &flags->credentials.certificate,
@@ -61,7 +62,7 @@ void add_report_flag(Command command, std::string* path) {
 void add_keep_orders_flag(Command command, bool* keep_orders) {
   command.add(
       "--keep-orders", keep_orders,
-      "Write elements that came at a lower order than others at their own order again, where this loses nothing");
+      "If the input has elements of several orders, write each at the order at which it came if that loses nothing");
 }
 
 void add_request_id_flag(Command command, std::string* id) {

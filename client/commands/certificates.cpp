@@ -37,13 +37,15 @@ Action add_certificates(Command program) {
   auto order = std::make_shared<CertificateOrder>();
   Command command =
       program.add_command("certificates", "Make an authority, and certificates for a server and its clients");
-  command.add("DIR", &order->folder, "Where to write the files; an authority that is there is used again")
+  command
+      .add("DIR", &order->folder,
+           "The folder for the files; if it has an authority already, this authority is used again")
       .required()
       .value("DIR");
   command
       .add("--host", &order->hosts,
            "A name or an IP address of the server; may be repeated; default: localhost, 127.0.0.1, ::1 and the name "
-           "of this machine. With --client and without --host, the server keeps a certificate that is there")
+           "of this machine. With --client and without --host, a certificate of the server that is in DIR stays")
       .value("HOST")
       .one_value_each();
   command

@@ -27,9 +27,11 @@ Actions for_one_process(Actions actions) {
 /// All commands.
 Actions list(Command program, const QualityRun& quality, const OptimiseRun& optimise_one, const SeveralRun& several,
              bool keeps_checkpoints = false) {
-  program.describe("varimesh",
-                   "Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.",
-                   std::string(version()));
+  program.describe(
+      "varimesh",
+      "Repairs curved high-order meshes: moves interior nodes until every element is valid, and then lowers the error "
+      "that curved elements cost a solver.",
+      std::string(version()));
   return {{"optimise", add_optimise(program, optimise_one, several, keeps_checkpoints)},
           {"curve", add_curve(program)},
           {"mesh", add_mesh(program)},

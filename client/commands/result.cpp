@@ -45,7 +45,7 @@ Action add_result(Command program) {
       .value("OUT")
       .one_value_each()
       .or_standard_output();
-  command.add("--format", &arguments->format, "One of the formats of the job; default: that of the input")
+  command.add("--format", &arguments->format, "One of the formats of the job; default: the format of the input")
       .value("NAME");
   add_history_flag(command, &arguments->history);
   add_report_flag(command, &arguments->report);

@@ -98,7 +98,8 @@ Action add_results(Command program) {
   add_selection(command, &arguments->selection);
   command
       .add("--into", &arguments->into,
-           "The folder; it is made if it is not there. A file that is there already is not fetched again")
+           "The folder for the results; it is made if it does not exist. Files that it has already are not fetched "
+           "again")
       .value("DIR")
       .required();
   add_compress_flag(command, &arguments->common);

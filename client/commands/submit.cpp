@@ -106,12 +106,11 @@ int check_server(Client& client, const v1::JobSpec& spec) {
   const auto server = client.info();
   if (!server) return print_error(server.error());
   if (spec.has_layers() && !server->takes_layers())
-    return print_error(bad_option("The server makes no layers, because it is older than they are. Split the result "
-                                  "with 'varimesh layers'.")
-                           .value());
+    return print_error(
+        bad_option("The server is too old for layers. Split the result with 'varimesh layers'.").value());
   if (spec.keep_orders() && !server->keeps_orders())
-    return print_error(bad_option("The server keeps no orders, because it is older than --keep-orders. Leave the flag "
-                                  "out, or use 'varimesh optimise'.")
+    return print_error(bad_option("The server is too old for --keep-orders. Leave the flag out, or use 'varimesh "
+                                  "optimise'.")
                            .value());
   if (spec.has_webhook() && !server->takes_webhooks())
     return print_error(bad_option("The server calls nobody at the end of a job; leave out --webhook, or ask its "
@@ -165,18 +164,20 @@ Action add_submit(Command program) {
   add_inputs(command, &arguments->meshes, &arguments->input);
   add_geometry_flags(command, &arguments->input, true);
   command
-      .add("--output-format", &arguments->formats, "Format of the result; default: that of the input; may be repeated")
+      .add("--output-format", &arguments->formats,
+           "Format of the result; default: the format of the input; may be repeated")
       .value("NAME")
       .one_value_each();
   add_label_flag(command, &arguments->labels, "Label by which jobs can be listed; may be repeated");
   command
       .add("--priority", &arguments->priority,
-           "From -100 to 100; jobs with a higher priority go first, and a step counts like ten minutes of waiting")
+           "From -100 to 100; jobs with a higher priority go first, and one step counts as much as ten minutes of "
+           "waiting")
       .from(-100, 100)
       .shows_default();
   command
       .add("--webhook", &arguments->webhook,
-           "Address that the server calls when a job has ended; its operator says which may be called")
+           "Address that the server calls when a job has ended; the server's operator says which addresses it may call")
       .value("URL");
   add_request_id_flag(command, &arguments->request_id);
   add_compress_flag(command, &arguments->common);

@@ -73,8 +73,8 @@ void add_repair_flags(Command command, Repairs* repairs) {
       .group(kInputGroup);
   command
       .add("--merge-nodes", &repairs->merge,
-           "Before all else, make one node of nodes that are at most this far apart. It is for meshes made of parts "
-           "whose nodes coincide where they touch; the distance is in the mesh's unit of length")
+           "Before all else, join nodes that are at most this far apart, in the mesh's unit of length. Use this for a "
+           "mesh that was put together from parts, whose nodes coincide where the parts touch")
       .value("TOLERANCE")
       .from(0.0, 1e300)
       .group(kInputGroup);
@@ -153,13 +153,16 @@ Expected<void> check_geometry(const Input& input, const v1::Options& options) {
     if (geometry.slide_on() == v1::Geometry::SLIDE_ON_MODEL)
       return bad_option("--slide-on model needs a model; give it with --geometry, or give --slide-on boundary.");
     if (geometry.slide() == v1::Geometry::SLIDE_UNSPECIFIED) return {};
-    return bad_option("--slide says which nodes slide on what --geometry or --slide-on names; give one of them.");
+    return bad_option("--slide says which nodes slide; also say on what they slide, with --geometry or --slide-on.");
   }
   const std::string flag = input.model.empty() ? "--slide-on" : "--geometry";
   if (flag == "--geometry" && geometry.slide_on() == v1::Geometry::SLIDE_ON_BOUNDARY)
-    return bad_option("--slide-on boundary excludes --geometry, because nodes slide on one of both; leave one out.");
+    return bad_option(
+        "--slide-on boundary excludes --geometry, because nodes slide either on a model or on the boundary; leave one "
+        "out.");
   if (options.order() > 0)
-    return bad_option("--order does not go with " + flag + ", because new boundary nodes would not lie on it.");
+    return bad_option("--order does not go with " + flag +
+                      ", because the new boundary nodes would not lie on the geometry.");
   if (options.free_size() > 0 || options.free_nodes_size() > 0 || options.fix_nodes_size() > 0 ||
       options.region_below() > 0)
     return bad_option(flag + " goes only with --fix, not with other options that fix or free nodes.");

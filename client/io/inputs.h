@@ -44,7 +44,7 @@ struct Input {
   std::string boundary;       ///< A mesh file with only the curved boundary; empty: none.
   std::string model;          ///< A CAD file on which boundary nodes slide; empty: none.
   v1::Geometry geometry;      ///< How boundary nodes slide, without the digest of the CAD file.
-  bool keep_orders = false;   ///< Elements that came at a lower order than others are to be written so again.
+  bool keep_orders = false;   ///< Whether each element is to be written at the order at which it came.
 
   /// Whether the mesh that is sent is another than the file.
   bool changes_mesh() const { return repairs.any() || !displacements.empty() || !boundary.empty(); }

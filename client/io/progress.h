@@ -15,8 +15,8 @@ namespace varimesh::client {
 std::string progress_text(const v1::Work& work, int iteration, const std::string& left = "");
 
 /// An iteration in at most `width` characters: after the bar, the phase, the quality and what else has room, and the
-/// time that is left. The count of cells that are not certified is that of the mesh that would be handed out now. The
-/// smallest Js is left out if it is that of another mesh, a trial. In narrow lines the rate is left out first, then the
+/// time that is left. The count of cells that are not certified belongs to the mesh that would be handed out now. The
+/// smallest Js is left out if it belongs to another mesh, a trial. In narrow lines the rate is left out first, then the
 /// residual, the groups, the bar and the times.
 std::string iteration_text(const v1::Iteration& iteration, const std::string& bar, const std::string& left,
                            std::size_t width);

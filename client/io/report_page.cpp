@@ -262,8 +262,7 @@ bool readable(v1::MeshFormat format) {
   const auto infos = formats::all();
   const auto info = std::find_if(infos.begin(), infos.end(),
                                  [name = spelled(format)](const auto& each) { return each.name == name; });
-  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS;
-  return info != infos.end() && info->readable && (!hdf5 || formats::has_hdf5());
+  return info != infos.end() && info->readable && (!formats::needs_hdf5(info->format) || formats::has_hdf5());
 }
 
 std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> formats, const std::string& report) {
@@ -283,9 +282,8 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
   report.distances = distances_of(job.metrics().geometry());
   if (job.metrics().geometry().nodes() > 0)
     report.picture_note =
-        "The pictures before show the mesh as it came. All numbers before, besides the distances, are those of the "
-        "mesh "
-        "after its boundary nodes slid.";
+        "The pictures 'before' show the input. Except for the distances, the numbers 'before' describe the mesh after "
+        "its boundary nodes slid.";
   if (auto fetched = fetch_meshes(client, job, &report); !fetched) return fetched;
   if (const auto written = write_report(path, report); !written)
     return file_failure(written.error().sentence, "OUTPUT");

@@ -249,25 +249,26 @@ std::string layers_text(const v1::LayersReport& report) {
                                  report.wall_elements(), range_text(report.first_height()));
   if (report.layers() > 1)
     text += fmt::format(", growth {}, highest {}", range_text(report.growth()), range_text(report.last_height()));
-  if (report.leaves_cells()) text += "; what was left of the thick cells is one more cell";
+  if (report.leaves_cells()) text += "; the rest of each thick cell is one more cell";
   text += report.has_grown()
               ? fmt::format("\nelements   {} before, {} with the row that was grown, {} with layers",
                             report.elements_before() - report.wall_elements(), report.elements_before(),
                             report.elements_after())
               : fmt::format("\nelements   {} before, {} after", report.elements_before(), report.elements_after());
   if (report.split_beside() > 0)
-    text += fmt::format("; {} of the {} that were split lie beside the wall and were split so that the mesh conforms",
-                        report.split_beside(), report.split());
+    text += fmt::format("; {} were split, and {} of these lie beside the wall and were split so that the mesh conforms",
+                        report.split(), report.split_beside());
   if (report.has_grown())
-    text += fmt::format("\ngrown      {} thick, {:.3g} % of the walls with all of it", range_text(report.grown()),
-                        100 * report.full_share());
+    text += fmt::format("\ngrown      {} thick; {:.3g} % of the walls have the full thickness",
+                        range_text(report.grown()), 100 * report.full_share());
   if (report.same_shares())
     text +=
-        "\nheights    are the same share of every thick element; with the same heights everywhere, elements would be "
-        "invalid";
+        "\nheights    each layer takes the same share of every thick element, because equal heights would make "
+        "elements invalid";
   if (report.stretched() > 0.01)
     text += fmt::format(
-        "\nheights    differ by up to {:.2g} % from those asked for, because layers begin and end where rows do",
+        "\nheights    differ by up to {:.2g} % from the heights asked for, so that no layer crosses from one row to "
+        "the next",
         100 * report.stretched());
   return text + "\n";
 }

@@ -64,7 +64,8 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   if (job.state() != v1::JOB_STATE_SUCCEEDED && !(was_cut_short && delivery.accepts_cancelled))
     return print_end(job, delivery);
   if (was_cut_short && !interrupted())
-    std::cerr << "varimesh: " << job.name() << " was cancelled; the result is the mesh that it had then" << std::endl;
+    std::cerr << "varimesh: " << job.name() << " was cancelled; the result is the mesh that the job had then"
+              << std::endl;
   if (const auto fetched = fetch(*client, job, delivery.outputs); !fetched) return print_error(fetched.error());
   if (!delivery.history.empty()) {
     const auto result = client->result(job.name());

@@ -83,7 +83,7 @@ class Follower {
   bool end_job() {
     const auto job = client_->get(name_);
     if (job && job->state() == v1::JOB_STATE_PENDING) return true;
-    return cancel("interrupted; the run ends and its best mesh is written. A second Ctrl-C gives it up");
+    return cancel("interrupted; the run ends and its best mesh is written. A second Ctrl-C ends it without a result");
   }
 
   bool cancel(const std::string& message) {

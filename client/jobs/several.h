@@ -34,7 +34,7 @@ struct Waiting {
 };
 
 /// Waits until all jobs have ended. Looks at the server every 0.3 s, or less often if looks take long: they take at
-/// most a tenth of the time. Each job is reported once, those that have ended already first. Errors: those of the
+/// most a tenth of the time. Each job is reported once; jobs that have ended already come first. Errors: those of the
 /// calls; Interrupted.
 Outcome<void> wait_for_ends(Client* client, const std::vector<v1::Job>& jobs, const Waiting& waiting);
 

@@ -57,8 +57,8 @@ std::optional<tl::unexpected<Failure>> not_let_in(const std::shared_ptr<grpc::Ch
   // A server of gRPC closes the connection without a word if it does not accept the client's certificate.
   if (says("Socket closed") || says("Connection reset"))
     return transport_failure("The server at " + address +
-                             " wants a certificate of yours that comes from an authority that it knows and has not "
-                             "expired; name it with --tls-certificate and --tls-key.");
+                             " asks for a client's certificate that has not expired, from an authority that the server "
+                             "knows; name the certificate with --tls-certificate and --tls-key.");
   if (says("handshake failed") || says("peer certificate"))
     return transport_failure("The certificate of the server at " + address +
                              " is not for this address, has expired, or does not come from the authority of "
@@ -71,9 +71,9 @@ std::optional<tl::unexpected<Failure>> not_let_in(const std::shared_ptr<grpc::Ch
 tl::unexpected<Failure> no_server(const std::shared_ptr<grpc::Channel>& channel, const std::string& address,
                                   bool encrypted) {
   if (encrypted)
-    return transport_failure("There is no server at " + address + " that TLS leads to (" + reason_of(channel) +
-                             "); check the address, and that the server's certificate is for it and comes from the "
-                             "authority (--tls-authority).");
+    return transport_failure("There is no server at " + address + " that answers with TLS (" + reason_of(channel) +
+                             "); check the address, and that the server's certificate is for this address and comes "
+                             "from the authority (--tls-authority).");
   return transport_failure("There is no server at " + address + "; start varimeshd there, or name another server.");
 }
 

@@ -79,7 +79,7 @@ Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& pa
     return tl::unexpected(failure_of(status));
   }
   if (!file->failed() && digest.finish() != mesh.digest())
-    return transport_failure("The bytes that arrived are not those of the result; fetch it again.", "DIGEST_MISMATCH");
+    return transport_failure("The result arrived damaged; fetch it again.", "DIGEST_MISMATCH");
   if (const auto done = file->commit(); !done) return file_failure(done.error().sentence);
   return {};
 }

@@ -35,10 +35,10 @@ nlohmann::ordered_json pack_scene(const Snapshots& snapshots, const Marks& marks
 /// The part of pack_scene() for 2-D: all cells, with edges as cubic Bézier curves. Appends the cells in the arrays to
 /// `shown`.
 nlohmann::ordered_json pack_cells_2d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
-/// The part of pack_scene() for 3-D: the faces on the boundary and those of the worst cells, on lattices. Faces on the
-/// boundary whose distance is known have the arrays SET_surfaces and SET_distances_SNAPSHOT, with −1 for others.
-/// Appends the cells in the arrays to `shown`. Of a large mesh, `packing` also gets the corners of the cells that the
-/// first cut of the page goes through, and `more` those of all cells.
+/// The part of pack_scene() for 3-D: the faces on the boundary and the faces of the worst cells, on lattices. Faces on
+/// the boundary whose distance is known have the arrays SET_surfaces and SET_distances_SNAPSHOT, with −1 for other
+/// faces. Appends the cells in the arrays to `shown`. Of a large mesh, `packing` also gets the corners of the cells
+/// that the first cut of the page goes through, and `more` gets the corners of all cells.
 nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, const BoundaryDistanceArrays& distances,
                                      Packing* packing, Packing* more, std::vector<std::int32_t>* shown);
 

@@ -49,8 +49,7 @@ std::optional<v1::Layers> layers_of(const LayerFlags& flags, std::string* senten
   v1::Layers layers = flags.layers;
   if (flags.reynolds > 0) {
     layers.set_first(height_at(flags.y_plus, flags.reynolds, flags.length));
-    *sentence =
-        fmt::format("y+ is {:g} at the height {:g}, which is that of the first layer", flags.y_plus, layers.first());
+    *sentence = fmt::format("The first layer is {:g} high, where y+ is {:g}", layers.first(), flags.y_plus);
   }
   return layers;
 }

@@ -167,11 +167,10 @@ tl::expected<Connection, int> connect_for(OptimiseArguments& arguments) {
   if (!connection || arguments.common.server.empty() || !asks_for_more) return connection;
   const auto server = connection->client->info();
   if (!server) return tl::unexpected(print_error(server.error()));
-  const std::string lacks = has_layers && !server->takes_layers() ? "makes no layers, because it is older"
-                            : arguments.input.keep_orders && !server->keeps_orders()
-                                ? "keeps no orders, because it is older"
-                            : has_model && !server->takes_geometries() ? "takes no geometries"
-                                                                       : "";
+  const std::string lacks = has_layers && !server->takes_layers()                    ? "is too old for layers"
+                            : arguments.input.keep_orders && !server->keeps_orders() ? "is too old for --keep-orders"
+                            : has_model && !server->takes_geometries()               ? "takes no geometries"
+                                                                                     : "";
   if (lacks.empty()) return connection;
   if (!arguments.common.quiet) std::cerr << "The server " << lacks << ", so the job runs in this process." << std::endl;
   arguments.common.server.clear();
@@ -191,7 +190,8 @@ void add_run_flags(Command command, OptimiseArguments* arguments) {
       .value("OUT")
       .one_value_each()
       .or_standard_output();
-  command.add("--format", &arguments->format, "Format of the .msh outputs; default: that of the input").value("NAME");
+  command.add("--format", &arguments->format, "Format of the .msh outputs; default: the format of the input")
+      .value("NAME");
   add_history_flag(command, &arguments->history);
   add_report_flag(command, &arguments->report);
   add_request_id_flag(command, &arguments->request_id);

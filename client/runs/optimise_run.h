@@ -38,8 +38,8 @@ int optimise(OptimiseArguments arguments);
 /// Does what the arguments ask for, and returns the exit status.
 using OptimiseRun = std::function<int(const OptimiseArguments&)>;
 
-/// Makes a curved mesh from a straight one and its geometry: the same with the order in `options` as that of the curved
-/// mesh. If elements are not certified valid at the end, it says on which surfaces they lie.
+/// Makes a curved mesh from a straight mesh and its geometry, as optimise() does; the order in `options` is the order
+/// of the curved mesh. If elements are not certified valid at the end, it says on which surfaces they lie.
 int curve(OptimiseArguments arguments);
 
 /// Takes the layers from their flags, and says which height follows from a Reynolds number. Errors: BadOption.

@@ -1,4 +1,4 @@
-// What `varimesh quality` is asked and what it prints, for the plain command and for that of ranks.
+// What `varimesh quality` is asked and what it prints, for the plain command and for the one with ranks.
 #pragma once
 
 #include <functional>

@@ -117,7 +117,8 @@ class Jobs {
   void cut_short() {
     clear();
     if (runs_.empty()) return;
-    std::cerr << "varimesh: the runs end and their best meshes are written. A second Ctrl-C gives them up" << std::endl;
+    std::cerr << "varimesh: the runs end and their best meshes are written. A second Ctrl-C ends them without results"
+              << std::endl;
     keep_calls_going();
     const std::map<std::string, const Run*> open = runs_;
     for (const auto& [name, run] : open) client_->cancel(name);

@@ -35,8 +35,8 @@ int deliver_surface(const CommonFlags& flags, bool asks_for_job, const std::vect
                     const formats::MeshFile& slid, int threads) {
   if (asks_for_job)
     return print_error({Error::Kind::BadOption,
-                        "The mesh is a surface in space, whose nodes slide in this process, so --server, --history and "
-                        "--report have nothing to do; leave them out."});
+                        "The mesh is a surface in space. Its nodes slide in this process, and --server, --history and "
+                        "--report do not apply; leave them out."});
   if (const auto written = write_outputs(outputs, slid, threads, !flags.quiet); !written)
     return print_error(written.error());
   Options options;

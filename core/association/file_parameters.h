@@ -11,9 +11,9 @@
 
 namespace varimesh {
 
-/// Gives every block of nodes that came with parameters those of `association`: of the nodes that moved, and of all its
-/// nodes if the file's did not lead to one of them, so that a block never mixes two parametrisations. A block loses its
-/// parameters if a node of it does not belong to one entity with the others.
+/// Replaces the parameters in each block of nodes that came with parameters by the parameters of `association`, so that
+/// a block never mixes two parametrisations. A node keeps the parameters of the file if they lead to it and the node
+/// did not move. A block loses its parameters if its nodes do not all belong to the same entity.
 void keep_parameters(HighOrderMesh& mesh, const Association& association);
 
 namespace detail {

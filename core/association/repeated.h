@@ -32,9 +32,9 @@ struct CommonPoint {
 };
 
 /// Faces of touching bodies may overlap, and neither is a part of the other. Then a curve around one face runs through
-/// the other, and curves of two bodies cross where neither has a vertex. Lets each curve that passes one of the points
-/// bound those of the point's surfaces in which it lies there, on one side of the point at least, and adds a vertex
-/// where curves cross. Returns how much was added.
+/// the other, and curves of two bodies cross where neither has a vertex. At each point: if a curve through the point
+/// lies in a surface of the point, on at least one side of the point, the curve becomes a boundary of this surface.
+/// Where curves cross, a vertex is added. Returns how much was added.
 /// @param tolerance  as for merge_repeated()
 int complete_at(geometry::Geometry& geometry, const std::vector<CommonPoint>& points, double tolerance);
 

@@ -25,7 +25,7 @@ class ExactSum {
   /// The sum, rounded to the nearest double; halves to even.
   double value() const;
 
-  /// The numbers after the carries, so that those of 2³⁰ sums can be added. Other ranks have others for the same sum.
+  /// The numbers of this sum after all carries; the numbers of up to 2³⁰ sums can then be added one by one.
   Numbers& settled();
 
  private:

@@ -32,7 +32,7 @@ class Reduction {
                          [&](std::size_t begin, std::size_t end) { return sum_in_lanes(begin, end, term); });
   }
 
-  /// The same for terms that are only known in sum: part(begin, end) returns that of a whole block.
+  /// The same for terms of which only sums are known: part(begin, end) returns the sum of a whole block.
   template <class Part>
   double sum_of_blocks(std::size_t count, std::size_t grain, const Part& part) const {
     if (count <= kBlock) return count == 0 ? 0 : part(std::size_t{0}, count);

@@ -18,13 +18,13 @@ struct NewVertex {
   std::array<std::int32_t, 2> ends{};  ///< The ends of the edge.
 };
 
-/// Puts the nodes that came with new vertices where core/curve/curve.h puts those of a straight mesh: new vertices to
-/// the middle of their edge on its curve or surface, and the nodes of edges and faces with a new vertex between their
-/// vertices. Nodes inside cells with a new vertex are blended from those around. All other nodes stay. So it does not
-/// matter whether the edges that were split had folded elements.
+/// Places the nodes that were added with new vertices as core/curve/curve.h places the new nodes of a straight mesh:
+/// new vertices at the middle of their edge on its curve or surface, and the nodes of edges and faces with a new vertex
+/// between their vertices. Nodes inside cells with a new vertex are blended from those around. All other nodes stay. So
+/// it does not matter whether the edges that were split had folded elements.
 ///
 /// All cells with a new vertex are triangles or tetrahedra.
-/// @param association         that of the mesh before it was split; becomes that of `mesh`
+/// @param association         the association of the mesh before it was split; becomes the association of `mesh`
 /// @param surface_of_element  as Association has it, of `mesh`
 /// Call it inside team.run().
 void place_refined(HighOrderMesh& mesh, Association& association, std::vector<std::vector<int>> surface_of_element,
@@ -33,7 +33,7 @@ void place_refined(HighOrderMesh& mesh, Association& association, std::vector<st
 /// Puts the nodes that lie between both ends of one of the edges, and maybe other vertices, to where a straight mesh
 /// would have them: on edges and faces of the boundary on the geometry, inside the mesh blended from those around. All
 /// other nodes stay.
-/// @param association         that of the mesh before; becomes that of `mesh`
+/// @param association         the association of the mesh before; becomes the association of `mesh`
 /// @param surface_of_element  as Association has it, of `mesh`
 /// @param before              by node of `mesh`: its index in the mesh before
 /// @param edges               the ends of each edge, the lower index first

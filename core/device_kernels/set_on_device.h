@@ -37,7 +37,8 @@ struct SharedArrays {
   float* contributions = nullptr;  ///< Of all sets.
 };
 
-/// A set of a problem, and where its numbers are among those of all sets. All of it outlives the set on the device.
+/// A set of a problem, and where its numbers are among the numbers of all sets. All of it outlives the set on the
+/// device.
 struct SetPlace {
   const CellSet& cells;
   const Material& material;

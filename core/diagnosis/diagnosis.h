@@ -20,8 +20,8 @@ struct UnrepairableGroup {
     Face,         ///< One element, on a face or inside: J there depends on fixed nodes only.
     FoldedFace,   ///< A flat fixed face (in 2-D a straight edge) that folds over itself: J = 0 in its elements. Or a
                   ///< curved fixed triangle that turns so far within itself that it leaves hardly any room.
-    Fan,          ///< Elements around a free edge at a vertex whose other edges there are fixed. Whatever the direction
-                  ///< of the free edge, J is not positive in one of them.
+    Fan,          ///< Elements at a vertex that share one free edge and have no other free edge there. Whatever the
+                  ///< direction of this edge, J at the vertex is not positive in at least one of the elements.
   };
   Kind kind = Kind::Vertex;
   std::int64_t vertex = 0;             ///< Node number as the file has it; 0 for edges and faces.

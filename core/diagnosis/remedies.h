@@ -42,17 +42,17 @@ struct WhatIsLeft {
 
 /// What has been done to the mesh.
 struct Tried {
-  bool movement = false;     ///< It was optimised,
+  bool movement = false;     ///< The mesh was optimised,
   bool until_valid = false;  ///< with Until::Valid,
   bool split = false;        ///< with Repair::Split.
-  bool cut_short = false;    ///< A limit or the caller ended that.
+  bool cut_short = false;    ///< A limit or the caller ended the optimisation.
   int next_order = 0;        ///< The order above that of the mesh.
-  /// How many elements an optimisation leaves that begins with raising the mesh to that order, if these are fewer.
+  /// How many elements are left by an optimisation that first raises the mesh to `next_order`, if these are fewer.
   std::optional<std::int64_t> left_at_next_order{};
 };
 
-/// Counts the elements with these numbers, which are not certified valid, and says what to try next. `groups` are those
-/// of with_any_of(). A remedy is named only if it could help at least one element, and the likeliest comes first.
+/// Counts the elements with these numbers, which are not certified valid, and says what to try next. `groups` come from
+/// with_any_of(). A remedy is named only if it could help at least one element, and the likeliest comes first.
 WhatIsLeft what_is_left(const HighOrderMesh& mesh, const std::vector<std::int64_t>& uncertified,
                         const std::vector<UnrepairableGroup>& groups, const Tried& tried);
 

@@ -102,8 +102,8 @@ std::string written_names(std::span<const FormatEntry> table) {
 }
 
 tl::unexpected<Error> only_read(std::span<const FormatEntry> table, const FormatEntry& entry) {
-  return bad_option("The format " + std::string(entry.name) + " can only be read; those that can be written are " +
-                    written_names(table) + ".");
+  return bad_option("The format " + std::string(entry.name) +
+                    " can only be read; the formats that can be written are " + written_names(table) + ".");
 }
 
 // Completes serendipity elements and those of lower order, and notes it.

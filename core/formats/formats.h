@@ -45,8 +45,13 @@ Expected<Format> for_output(std::string_view path, Format requested, Format read
 /// be read begins so.
 Format recognised(std::string_view bytes);
 
-/// Whether the formats that are HDF5 files (Hopr, Cgns, Pyfr) can be read and written: they need the program
-/// varimesh_hdf5, which may be left out of an installation.
+/// Whether only the program varimesh_hdf5 reads and writes files of this format: they are HDF5 files.
+constexpr bool needs_hdf5(Format format) {
+  return format == Format::Hopr || format == Format::Cgns || format == Format::Pyfr || format == Format::Exodus;
+}
+
+/// Whether the program varimesh_hdf5 is there, which may be left out of an installation. Without it, no format that
+/// needs_hdf5() can be read or written.
 bool has_hdf5();
 
 /// Reads a mesh from the bytes of a file. Errors: BadInput, with the byte (binary) or line (ASCII) where reading

@@ -6,9 +6,9 @@
 
 namespace varimesh::formats {
 
-/// How much of most_memory_to_read() a reading of this file can do without, in bytes, if its mesh is an ordinary one:
-/// the readers of the formats take different parts of it.
-/// @param bytes  a file, in any format; one that is in none needs nothing but the file itself
+/// The part of most_memory_to_read() that reading this file does not need, in bytes, if its mesh is an ordinary one.
+/// The readers of the formats need different parts.
+/// @param bytes  a file, in any format; a file in no known format needs no memory besides itself
 std::int64_t seldom_needed_to_read(std::string_view bytes);
 
 }  // namespace varimesh::formats

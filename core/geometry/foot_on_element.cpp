@@ -82,7 +82,8 @@ bool is_in_element(Shape shape, const Eigen::Vector2d& at) {
   return std::ranges::all_of(sides(shape), [&](const Side& side) { return side.beyond(at) <= 1e-9; });
 }
 
-ElementFoot foot_on_element(const ElementMap& map, const Eigen::Vector3d& point, const Eigen::Vector2d& from) {
+ElementFoot foot_on_element(const ElementMap& map, const Eigen::Vector3d& point, const Eigen::Vector2d& from,
+                            double share) {
   const auto place = [&](const Eigen::Vector2d& at) {
     const SurfacePoint p = map.at(at[0], at[1]);
     return Place{at, p, (p.x - point).norm()};
@@ -90,7 +91,7 @@ ElementFoot foot_on_element(const ElementMap& map, const Eigen::Vector3d& point,
   Place now = place(into(map.shape(), from));
   for (int step = 0; step < kMostSteps; ++step) {
     Eigen::Vector2d by = direction(map.shape(), now, point);
-    const double negligible = kRounding * (now.p.x.norm() + point.norm());
+    const double negligible = std::max(kRounding * (now.p.x.norm() + point.norm()), share * now.distance);
     if ((now.p.du * by[0] + now.p.dv * by[1]).norm() <= negligible) break;
     for (const Side& side : sides(map.shape()))
       if (const double out = side.out.dot(by); out > 0 && side.beyond(now.at) + out > 0)

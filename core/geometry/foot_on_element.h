@@ -16,8 +16,11 @@ struct ElementFoot {
 bool is_in_element(Shape shape, const Eigen::Vector2d& at);
 
 /// The foot to which Newton's method comes from `from`: a local minimum of the distance in the element. It is never
-/// farther than the nearest point of the reference element to `from`.
-ElementFoot foot_on_element(const ElementMap& map, const Eigen::Vector3d& point, const Eigen::Vector2d& from);
+/// farther than the nearest point of the reference element to `from`. A step that is shorter than the rounding of the
+/// coordinates, or than `share` times the distance, is not taken any more. The distance then lacks about half of
+/// share² of itself.
+ElementFoot foot_on_element(const ElementMap& map, const Eigen::Vector3d& point, const Eigen::Vector2d& from,
+                            double share = 0);
 
 /// The reference coordinates of the element's node that is nearest to `point`.
 Eigen::Vector2d nearest_node(const ElementMap& map, const Eigen::Vector3d& point);

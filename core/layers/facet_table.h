@@ -26,8 +26,8 @@ class FacetTable {
 
   /// The local number of the node at a position of the lattice; −1 if there is none.
   int node_at(std::array<int, 2> at) const;
-  /// The unit normals of a facet at its nodes, to the side of `inward`. Where the facet is folded, that of the facet
-  /// with straight sides.
+  /// The unit normals of a facet at its nodes, to the side of `inward`. Where the facet is folded, the normal is that
+  /// of the facet with straight sides.
   /// @param nodes of the facet, in Gmsh's order
   std::vector<Eigen::Vector3d> normals(const HighOrderMesh& mesh, std::span<const std::int32_t> nodes,
                                        const Eigen::Vector3d& inward) const;

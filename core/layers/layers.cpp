@@ -204,7 +204,6 @@ class Start {
     LayerStart start;
     start.held.assign(mesh_.node_count(), 0);
     start.cells = static_cast<std::int64_t>(placement_.cells.size());
-    for (const LayerCell& cell : placement_.cells) start.thinnest = std::min(start.thinnest, cell.height / cell.width);
     for (std::size_t i = 0; i < kinds_.size(); ++i) {
       start.placed += kinds_[i] == Kind::Placed ? 1 : 0;
       if (kinds_[i] != Kind::Left)

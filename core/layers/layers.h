@@ -11,7 +11,7 @@
 
 namespace varimesh {
 
-/// What nodes do that are on flat sides at which a wall ends.
+/// What nodes on flat sides do, at which a wall ends.
 enum class OnFlatSides : std::uint8_t { Stay, Slide };
 
 /// What became of the layers at curved walls.
@@ -22,7 +22,6 @@ struct LayerStart {
   std::int64_t cells = 0;   ///< Cells in layers.
   std::int64_t placed = 0;  ///< Those of them whose nodes were moved.
   std::int64_t made_valid = 0;  ///< Cells of the mesh that are certified valid only after that.
-  double thinnest = 1;          ///< The least height of a cell in layers over its width; 1 if there are none.
 };
 
 /// In a layer of thin cells the best cell is not the straight-sided one. Its nodes lie on surfaces parallel to the

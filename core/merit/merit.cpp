@@ -1,7 +1,6 @@
 #include "core/merit/merit.h"
 
 #include <algorithm>
-#include <cmath>
 #include <tuple>
 
 #include "core/merit/thresholds.h"
@@ -84,13 +83,23 @@ bool costs_shape(const Merit& a, const Merit& b) {
 
 bool has_higher_minimum(const Merit& a, const Merit& b) { return a.smallest > b.smallest + threshold::kHigher; }
 
-bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest) {
+bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double may_rise) {
   const auto &before = as_it_came.in_layers, &after = now.in_layers;
   if (options.layer_spacing != LayerSpacing::Keep || !before || !as_it_came.uncertified.empty()) return false;
-  if (!after) return true;
-  if (thinnest >= threshold::kThinLayers) return after->error > threshold::kRisesInLayers * before->error;
-  const bool is_equal = std::abs(after->error - before->error) <= threshold::kEqualInLayers * before->error;
-  return !is_equal && after->error > threshold::kFallsInLayers * before->error;
+  if (!after || after->of_profiles.size() != before->of_profiles.size()) return true;
+  return !std::ranges::equal(after->of_profiles, before->of_profiles, [&](double now_missed, double missed) {
+    return now_missed <= may_rise * std::max(missed, threshold::kNoErrorInLayers);
+  });
+}
+
+bool gains_without_loss(const QualityReport& as_it_came, const QualityReport& now, const Options& options) {
+  const Merit came = merit_of(as_it_came);
+  Merit merit = merit_of(now);
+  merit.lower_than_it_came = options.target == Target::StraightSided && costs_shape(merit, came);
+  Asked asked = asked_by(options);
+  asked.loss_as_it_came = came.loss;
+  return merit.loss < threshold::kFalls * came.loss && is_better(merit, came, asked) &&
+         !loses_layers(as_it_came, now, options, threshold::kRoundingInLayers);
 }
 
 }  // namespace varimesh

@@ -14,6 +14,7 @@
 #include <limits>
 #include <optional>
 
+#include "core/merit/thresholds.h"
 #include "core/options/options.h"
 #include "core/quality/certified_quality.h"
 
@@ -55,8 +56,8 @@ struct Asked {
   // The rest is for What::Loss.
 
   double bound = 0;  ///< Options::min_js.
-  /// The loss of the mesh as it came if it was valid. Then no mesh with a higher loss is better, and none that gains
-  /// next to nothing.
+  /// The loss of the mesh as it came if it was valid. Then a mesh with a higher loss is not better, nor a mesh that
+  /// gains next to nothing.
   std::optional<double> loss_as_it_came = std::nullopt;
   /// Of all meshes among which the choice is, so far. The two that are compared count too.
   double highest_minimum = -1;                                  ///< Of those with the fewest uncertified cells.
@@ -75,11 +76,12 @@ Asked asked_by(const Options& options);
 /// 4. not lower than the mesh as it came (lower_than_it_came),
 /// 5. what is asked for.
 ///
-/// What::Loss: if cells are uncertified, the lower loss. If only one reaches the bound, this one. If none does, the one
-/// with at least threshold::kShareOfHighest of the highest minimum; if both or neither have that, the one whose loss is
-/// lower by more than threshold::kLossGivenForMinimum. If both do, the lower loss, or, if both are within
-/// threshold::kLossGivenForMinimum of the least, the higher minimum up to threshold::kWanted, and then the lower loss.
-/// If all that is equal, the higher minimum.
+/// What::Loss: if cells are uncertified, the mesh with the lower loss. If only one mesh reaches the bound, this mesh.
+/// If no mesh reaches it, the mesh with at least threshold::kShareOfHighest of the highest minimum; if both or neither
+/// have that share, the mesh whose loss is lower by more than threshold::kLossGivenForMinimum. If both meshes reach the
+/// bound, the mesh with the lower loss; but if both losses are within threshold::kLossGivenForMinimum of the least
+/// loss, the mesh with the higher minimum up to threshold::kWanted, and then the one with the lower loss. If all that
+/// is equal, the mesh with the higher minimum.
 bool is_better(const Merit& a, const Merit& b, const Asked& asked = {});
 
 /// Whether both the smallest, by more than `margin`, and the mean scaled Jacobian of `a` are below those of `b`. A mesh
@@ -93,11 +95,15 @@ bool costs_shape(const Merit& a, const Merit& b);
 /// Whether a mesh that came in valid has as low a loss of accuracy now as when it came.
 inline bool keeps_loss(const Merit& now, const Merit& as_it_came) { return now.loss <= as_it_came.loss; }
 
-/// Whether the spacing of layers is to stay, and a mesh that was valid as it came may hold what decays from a wall
-/// worse: its error in layers is not known, or above threshold::kRisesInLayers times what it was. In thin layers
-/// (threshold::kThinLayers) it must be the same or fall below threshold::kFallsInLayers. `thinnest`: as
-/// LayerStart::thinnest (core/layers/layers.h).
-bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options, double thinnest);
+/// Whether the spacing of layers is to stay, and a mesh that was valid as it came holds less of what decays from a
+/// wall: its error in layers is not known any more, or is above `may_rise` times what it was for one of the profiles
+/// (core/layers/error/layer_error.h).
+bool loses_layers(const QualityReport& as_it_came, const QualityReport& now, const Options& options,
+                  double may_rise = threshold::kRisesInLayers);
+
+/// Whether a mesh with a lower loss loses nothing else of one that came in valid: no shape (costs_shape()) if elements
+/// aim at their straight-sided shapes, and in its layers at most threshold::kRoundingInLayers.
+bool gains_without_loss(const QualityReport& as_it_came, const QualityReport& now, const Options& options);
 
 /// Whether the minimum of `a` is higher by more than threshold::kHigher.
 bool has_higher_minimum(const Merit& a, const Merit& b);

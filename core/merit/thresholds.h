@@ -13,8 +13,8 @@ inline constexpr double kWeak = 0.02;
 inline constexpr double kWanted = 0.5;
 /// At order 2 a valid mesh with this minimum needs no descent if its loss is below kLittleLoss.
 inline constexpr double kGood = 0.3;
-/// If no mesh of a run reaches the bound on the scaled Jacobian, those count that have this share of the highest
-/// minimum.
+/// If no mesh of a run reaches the bound on the scaled Jacobian, the meshes count whose minimum is at least this share
+/// of the highest minimum.
 inline constexpr double kShareOfHighest = 0.5;
 /// A mesh with this share of the bound may still reach it.
 inline constexpr double kInReach = 0.5;
@@ -35,20 +35,16 @@ inline constexpr double kFalls = 0.99;
 /// A round of the descent that raises the loss by more than this, and the minimum not at all, is taken back.
 inline constexpr double kRises = 1.1;
 
-/// A descent that begins with the weights of the one before is to lower the loss by this share. Otherwise it is the
-/// weights that hold it: with nine triangles and two that came tangled, they kept it at .047 in place of .038.
+/// A descent that begins with the weights of the descent before is to lower the loss by this share. Otherwise the
+/// weights hold the loss up: with nine triangles and two that came tangled, they kept the loss at .047 in place of
+/// .038.
 inline constexpr double kGainWithWeights = 0.1;
 /// A solver's error on what decays from a wall may rise by this factor in a mesh with layers that came in valid.
 inline constexpr double kRisesInLayers = 1.02;
-/// If nodes of layers that are thinner than kThinLayers have moved, the error in layers is to fall below this factor.
-/// Smaller changes deceive: round a ball of quadratic hexahedra it fell to .95, and the error of a solver rose to 1.03
-/// to 1.06; round a disc of quadratic quadrilaterals it fell to .98 and .75, and the error of a solver rose to 1.5
-/// and 1.7 for an erf.
-inline constexpr double kFallsInLayers = 0.5;
-/// A share of the error in layers that is rounding: if it changes by less, no node of a layer has moved.
-inline constexpr double kEqualInLayers = 1e-6;
-/// The height of a cell over its width in layers that are made for what decays from the wall.
-inline constexpr double kThinLayers = 0.1;
+/// If it rises by less than this factor, that is rounding.
+inline constexpr double kRoundingInLayers = 1 + 1e-9;
+/// An error in layers that is lower than this is rounding.
+inline constexpr double kNoErrorInLayers = 1e-9;
 
 // ===== of the loss of accuracy =====
 

@@ -20,8 +20,8 @@ inline bool has_parameters(const NodeBlock& block) {
          block.parameters.size() == parameters_per_node(block.dimension) * static_cast<std::size_t>(block.count);
 }
 
-/// Remembers where the nodes with parameters are, so that those of moved nodes can be forgotten. Without a geometry
-/// nobody knows the new ones.
+/// Remembers where the nodes with parameters are, so that the parameters of moved nodes can be forgotten. Without a
+/// geometry nobody knows the new parameters.
 class NodesWithParameters {
  public:
   explicit NodesWithParameters(const HighOrderMesh& mesh);

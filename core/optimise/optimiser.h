@@ -1,4 +1,5 @@
-// The one thing that the library does: it moves the free nodes until the mesh is valid and smooth.
+// Optimises a mesh: moves its free nodes until every element is valid, and then lowers the error that curved elements
+// cost a solver.
 #pragma once
 
 #include <memory>

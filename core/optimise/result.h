@@ -22,7 +22,7 @@ enum class StopReason : std::uint8_t {
   Repaired,    ///< Until::Valid: every cell that is not certified valid is unrepairable.
   NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found, or
                ///< rounding keeps the residual above the tolerance. Objective::Accuracy: the rounds gained no more, but
-               ///< had not come to rest.
+               ///< had not come to rest, or the mesh is one on the way to where they did.
   Quality,     ///< until_js is reached.
   TimeLimit,   ///< time_limit is reached.
   Iterations,  ///< max_iterations is reached.
@@ -74,23 +74,25 @@ struct RunSummary {
   WhatIsLeft left;                     ///< The elements of `after` that are not certified valid, and what to try next.
   std::int64_t made_valid_at_end = 0;  ///< Elements that small patches made valid when the iterations had ended.
   std::string device;           ///< The device on which steps of Newton's method were made; empty: the processor.
-  std::string kept_as_it_came;  ///< Why the mesh was left as it came; empty if it was not.
+  std::string kept_as_it_came;  ///< Why the mesh is the input although the run made another; otherwise empty.
   std::vector<Iteration> history;
 };
 
 /// The result of a run: its summary, and the mesh.
 struct Result : RunSummary {
   /// The input mesh with new coordinates. Fixed nodes have the same coordinates bit for bit. A cell that is certified
-  /// valid in the input mesh is certified valid here too, however the run ended. Of the meshes that the run could have
-  /// ended with after each of its iterations, it is one with the fewest cells that are not certified valid; among these
-  /// it is the run's last state or else the first with that number, and with until_js and Objective::Worst the one with
-  /// the highest proved minimum of the scaled Jacobian. If all cells of the input mesh are certified valid and the
-  /// target is the straight-sided shape, the smallest and the mean scaled Jacobian of `after` are not both lower than
-  /// those of `before`: the mesh would be as it came. With Objective::Accuracy it is the best mesh of the descent
-  /// (core/solvers/descent/descent.h) in place of that: if all cells of the input mesh are certified valid, its loss of
-  /// accuracy is not above that of the input. With Repair::Split the mesh may have more elements and nodes, numbered
-  /// above those of the input. If the input is at its optimum already or has no free node, it comes back bit for bit.
-  /// Cells that came clockwise are clockwise here too, unless Options::orient is set.
+  /// valid in the input mesh is certified valid here too, however the run ended. A run could have ended after each of
+  /// its iterations. Of the meshes that this would have given, the result is one with the fewest cells that are not
+  /// certified valid: the last mesh if it is one of these, otherwise the first. With until_js, and with
+  /// Objective::Worst, it is the one of these with the highest proved minimum of the scaled Jacobian. If all cells of
+  /// the input mesh are certified valid and the target is the straight-sided shape, the smallest and the mean scaled
+  /// Jacobian of `after` are not both lower than those of `before`: otherwise the result is the input mesh. With
+  /// Objective::Accuracy the result is the best mesh of the descent (core/solvers/descent/descent.h) instead, or, if a
+  /// solver's error in its layers would rise, a mesh on the way to it: if all cells of the input mesh are certified
+  /// valid, its loss of accuracy is not above that of the input. With
+  /// Repair::Split the mesh may have more elements and nodes, numbered above those of the input. If the input is at its
+  /// optimum already or has no free node, it comes back bit for bit. Cells that came clockwise are clockwise here too,
+  /// unless Options::orient is set.
   HighOrderMesh mesh;
 };
 

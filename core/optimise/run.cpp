@@ -1,7 +1,6 @@
 #include "core/optimise/run.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
 #include "core/diagnosis/diagnose.h"
@@ -55,12 +54,6 @@ std::string layers_text(const LayerStart& layers, LayerSpacing spacing) {
 }
 
 constexpr int kMostDescents = 6;
-
-std::string pair_text(const QualityReport& report) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.3g and %.3g", report.min_scaled_jacobian, report.mean_scaled_jacobian);
-  return text;
-}
 
 }  // namespace
 
@@ -130,8 +123,13 @@ void Run::judge_as_it_came() {
 
 QualityReport Run::judge(const HighOrderMesh& mesh) {
   QualityReport report = report_quality(mesh, *certifier_, certificates_, team_, grace_, samples());
-  if (set_up_.layers.cells > 0)
-    grace_.finish([&] { report.in_layers = layer_error(mesh, set_up_.facets, team_); }, [] {});
+  if (set_up_.layers.cells == 0) return report;
+  grace_.finish([&] { report.in_layers = layer_error(mesh, set_up_.facets, team_, &set_up_.mesh); }, [] {});
+  // Processors differ in the last digit of exp, and what the run does next depends on these numbers.
+  if (report.in_layers) {
+    sharers().largest(report.in_layers->of_profiles);
+    report.in_layers->error = sharers().largest(report.in_layers->error);
+  }
   return report;
 }
 
@@ -161,7 +159,8 @@ std::string Run::why_unmoved() {
            (mesh.dimension == 3 ? "To curve them, curve the mesh on its CAD model. " : "") +
            "The target ideal makes their shapes more regular.";
   if (is_for_accuracy() && result_.iterations == 0)
-    return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
+    return "The curvature of these elements costs a solver next to nothing beside what their size costs, so nothing "
+           "was moved.";
   if (is_for_accuracy())
     return "No mesh with a lower loss of accuracy was found that is worth the change, so nothing was moved.";
   return "The mesh is at its optimum already: no node would move by more than the tolerance, so nothing was moved.";
@@ -244,47 +243,6 @@ void Run::straighten_result() {
     left.sentence = "The run was stopped before it could make elements straight-sided; run it again with more time.";
     result_.repairs.push_back(std::move(left));
   });
-}
-
-void Run::keep_the_better() {
-  if (!came_valid()) {
-    const Merit after = merit_of(result_.after), came = merit_of(at_start_);
-    if (is_for_accuracy() && after.uncertified == came.uncertified && result_.repairs.empty() &&
-        !keeps_loss(after, came))
-      keep_as_it_came(
-          "where the run ended, as many elements were not certified valid and its loss of accuracy was higher.");
-    return;
-  }
-  // The descent chooses by the local loss.
-  if (is_for_accuracy() && !keeps_loss(merit_of(result_.after), merit_of(at_start_)))
-    keep_as_it_came("where the run ended, its loss of accuracy was not lower.");
-  else if (is_for_accuracy() && loses_layers(at_start_, result_.after, options_, set_up_.layers.thinnest))
-    keep_as_it_came(
-        "where the run ended, the loss of accuracy was lower, but a solver's error in the layers at the wall may be "
-        "higher.");
-  if (options_.target != Target::StraightSided) return;
-  QualityReport before = at_start_;
-  if (before.lattice_intervals != result_.after.lattice_intervals)  // there was no time for the usual report
-    before = quick_quality(set_up_.mesh, certificates_, team_);
-  const bool lost_minimum =
-      options_.objective == Objective::Worst && has_higher_minimum(merit_of(before), merit_of(result_.after));
-  const Merit after = merit_of(result_.after), came = merit_of(before);
-  if (!lost_minimum && !(is_for_accuracy() ? costs_shape(after, came) : is_lower(after, came))) return;
-  const bool is_optimum = result_.converged && !is_for_accuracy();
-  std::string why = "its smallest and its mean scaled Jacobian are " + pair_text(before) + ", and " +
-                    (is_optimum ? "at the energy's optimum" : "where the run ended") + " they would be " +
-                    pair_text(result_.after) + ".";
-  if (options_.objective != Objective::Worst) why += " To raise the smallest, try the objective worst.";
-  keep_as_it_came(why);
-}
-
-void Run::keep_as_it_came(std::string why) {
-  if (set_up_.as_it_came.empty())
-    result_.kept_as_it_came = "The mesh stays as it came: " + std::move(why);
-  else
-    result_.notes.push_back("But for its layers, the mesh stays as it came: " + std::move(why));
-  result_.mesh.coordinates = set_up_.mesh.coordinates;
-  result_.after = at_start_;
 }
 
 bool was_cut_short(const RunSummary& result) {

@@ -40,8 +40,8 @@ class Run {
  private:
   // ===== run.cpp: before and after the stages =====
 
-  /// The quality of the mesh as it came. Afterwards `certificates_` are those of the mesh of the set-up, in which
-  /// layers have been brought into form.
+  /// The quality of the mesh as it came. Afterwards `certificates_` belong to the mesh of the set-up, in which layers
+  /// have been brought into form.
   void judge_as_it_came();
   /// The quality of this mesh, which has the elements of the run's, and what its layers are worth.
   QualityReport judge(const HighOrderMesh& mesh);
@@ -67,23 +67,30 @@ class Run {
   void take_as_it_came(const std::string& why);
   /// Makes the most of the mesh that the stages have left.
   void finish_mesh();
-  /// Raises the smallest scaled Jacobian around cells that the run leaves invalid, but for those that it has tried in
-  /// vain. If none is left, and with Objective::Accuracy, it raises those below Options::min_js too. That costs
-  /// accuracy, so it is not worth it in a mesh that misses the bound in any case, and a mesh that came in valid does
-  /// not get a higher loss by it.
+  /// Raises the smallest scaled Jacobian around cells that the run leaves invalid, except for cells that it has tried
+  /// in vain. If no cell is left invalid, and with Objective::Accuracy, it also raises cells below Options::min_js.
+  /// That costs accuracy. So it does not do this if the mesh misses the bound in any case, or if a mesh that came in
+  /// valid would get a higher loss.
   void raise_low();
   void straighten_result();
+
+  // ===== handed_out.cpp: which mesh is handed out =====
+
   /// Goes back to the mesh as it came if it was better: if it was valid, or if the run has certified no more cells and
   /// its loss of accuracy is higher. With another target than the straight-sided shape the caller asks for a change,
   /// which the scaled Jacobian does not judge.
   void keep_the_better();
   void keep_as_it_came(std::string why);
+  /// If the mesh has a lower loss where the run ended, but a solver's error in its layers may be higher: goes the
+  /// largest of three shares of the way there at which the loss is lower and no profile loses anything. False if there
+  /// is none; the mesh is then the one where the run ended, and `certificates_` are those of another mesh.
+  bool goes_part_of_the_way();
 
   // ===== run_stages.cpp: a single stage for Objective::Energy, several for Objective::Worst =====
 
   /// Runs all stages. It sets only the coordinates of the result's mesh; the rest can be copied once their memory has
-  /// been freed. Afterwards `certificates_` are those of the result's mesh. If the token stops the run, that is the
-  /// best mesh so far.
+  /// been freed. Afterwards `certificates_` belong to the result's mesh. If the token stops the run, the result's mesh
+  /// is the best mesh so far.
   void run_stages();
   void iterate_stages();
   /// Sets the problem's nodes and targets.
@@ -133,12 +140,12 @@ class Run {
   DescentContext descent_context();
   /// The rounds of a descent. `last`: there are none.
   void descend(bool last);
-  /// Whether a descent from the mesh that the last one has made would be worth it.
+  /// Whether another descent, from the mesh that the last descent has made, would be worth it.
   bool is_worth_another_descent() const;
-  /// Begins the descent once more from the mesh that the last one has made, as another run would: with targets from
-  /// that mesh. The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to
-  /// nothing, and began without the weights of another. `last`: there is nothing to gain. No checkpoint is taken in
-  /// these descents.
+  /// Begins a descent from the mesh that the last descent has made, as another run would: with targets from that mesh.
+  /// The first targets may be those of a tangled mesh. Returns false if the last descent has gained next to nothing,
+  /// and began without the weights of another. `last`: there is nothing to gain. No checkpoint is taken in these
+  /// descents.
   bool descends_again(bool& last);
 
   SetUp& set_up_;

@@ -47,12 +47,12 @@ struct RunControl {
   std::function<bool(const Iteration&)> checkpoint_due;
   /// Called if checkpoint_due said yes. `write` works only during the call.
   std::function<void(const Iteration&, const WriteCheckpoint& write)> save_checkpoint;
-  /// The bytes of such a `write` for the same mesh and the same options (except threads, max_iterations and
-  /// time_limit). The run goes on after that iteration. On a machine with the same vector instructions it ends with the
-  /// same bytes as an uninterrupted run. Its history is complete, and its seconds go on. A checkpoint that is damaged,
-  /// or for another mesh, other options or another version, is ignored: the run begins at the beginning. A run with
-  /// Repair::Split is a sequence of runs. It makes the looks for splits between them again, and if only the part about
-  /// the run under way is damaged, that run begins at its beginning.
+  /// A checkpoint that a run on the same mesh with the same options (except threads, max_iterations and time_limit) has
+  /// saved. This run goes on after the checkpoint's iteration. On a machine with the same vector instructions it ends
+  /// with the same bytes as an uninterrupted run. Its history is complete, and its seconds go on. A checkpoint that is
+  /// damaged, or for another mesh, other options or another version, is ignored: the run begins at the beginning. A run
+  /// with Repair::Split is a sequence of runs. It makes the looks for splits between them again, and if only the part
+  /// about the run under way is damaged, that run begins at its beginning.
   std::string_view checkpoint;
   /// How many threads the next iteration may use, at least 1. Called before each. If empty: Options::threads.
   std::function<int()> threads;
@@ -78,9 +78,9 @@ struct RunControl {
   std::function<bool()> mesh_wanted;
   /// Called if mesh_wanted said yes. The mesh may have lost certificates that the result will have.
   std::function<void(const MeshOnTheWay&)> show_mesh;
-  /// Untangling takes small patches only: one layer of cells around those to be repaired, in place of two and then
-  /// four. The runs of Repair::Split are like this: a split does what a larger patch would. On four meshes of CAD
-  /// parts a second layer repaired nothing more, and two of them took four times as long.
+  /// Untangling takes small patches only: one layer of cells around the cells to be repaired, in place of two layers
+  /// and then four. In the runs of Repair::Split this is so: a split does what a larger patch would do. On four meshes
+  /// of CAD parts a second layer repaired nothing more, and two of them took four times as long.
   bool shallow_untangling = false;
   /// At the end, cells that have lost their certificate are untangled with their neighbours. If false, they only go
   /// back to where they had it.

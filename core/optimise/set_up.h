@@ -38,7 +38,7 @@ struct SetUp {
   Problem problem;
   ColouredNodes coloured;
   std::vector<Stage> stages;
-  Objective given_objective = Objective::Auto;  ///< That of the options that were given.
+  Objective given_objective = Objective::Auto;  ///< The objective of the options that were given.
   bool may_try_other_ways = false;              ///< may_try_other_ways() of the options that were given.
   bool is_spent = false;                        ///< Its tables were freed for attempts (attempts.h).
   double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.

@@ -40,7 +40,7 @@ struct StageContext {
   WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; may be null.
   SpareMemory spare_memory = {};           ///< For the Hessians of untangling.
   device::RunDevice* device = nullptr;     ///< For Newton's method; may be null, or without a device.
-  const Ranks* ranks = nullptr;            ///< That share the steps of Newton's method; null: there are none.
+  const Ranks* ranks = nullptr;            ///< The ranks that share the steps of Newton's method; null: there are none.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -64,9 +64,9 @@ class StageRun {
   /// What follows the state of the stage in a checkpoint.
   using WriteRest = std::function<void(CheckpointWriter&)>;
   using ReadRest = std::function<void(CheckpointReader&)>;
-  /// Inside team.run(): goes on after the iteration that the checkpoint was written after. Returns false if the
-  /// checkpoint cannot be used; then this stage and its context cannot be used either. `read_rest`: called if something
-  /// follows the state of the stage, when that was read.
+  /// Inside team.run(): goes on after the iteration of the checkpoint. Returns false if the checkpoint cannot be used;
+  /// then this stage and its context cannot be used either. `read_rest`: called after the state of the stage was read,
+  /// if something follows it.
   bool resume(std::string_view checkpoint, std::uint64_t fingerprint, const ReadRest& read_rest = {});
   /// Inside team.run(): one iteration. Returns a reason to stop if it was the last.
   std::optional<StopReason> step();
@@ -76,7 +76,7 @@ class StageRun {
 
   /// Whether a run with Until::Valid would end here without a valid mesh (Stopper::has_just_given_up()).
   bool has_just_given_up() const { return stopper_.has_just_given_up(); }
-  /// After the problem's nodes were elsewhere and are back where the last step() has left them.
+  /// Call it after the problem's nodes were elsewhere and are back where the last step() has left them.
   void returned();
 
   /// Whether the state can be written now: the deformation gradients must be those that the positions give.

@@ -13,13 +13,13 @@ Expected<void> check(const GeometryOptions& options) {
                         std::string(option.values) + ".");
   if (options.on_boundary() && (!options.file.empty() || options.order > 0 || options.snap))
     return bad_option(
-        "slide_on is boundary, which goes without a model, snap and an order, because nodes stay near the boundary of "
-        "the mesh as it came.");
+        "slide_on boundary cannot be combined with a model, snap or an order: nodes slide on the mesh's own boundary.");
   if (options.on_boundary() && options.slide == SlideOn::Coupled)
-    return bad_option("slide is coupled, which needs a model; slide_on boundary goes with none, surfaces and all.");
+    return bad_option(
+        "slide coupled needs a model; with slide_on boundary, slide may be 'none', 'surfaces', 'all' or 'auto'.");
   if (options.on_boundary() && options.smooth_angle > 0)
     return bad_option(
-        "smooth_angle speaks of the surfaces of a model, and slide_on is boundary; leave one of them out.");
+        "smooth_angle joins surfaces of a model, and slide_on boundary has no model; leave one of the two out.");
   if (options.tolerance > 0 && options.slide != SlideOn::Coupled)
     return bad_option("The tolerance of a geometry goes only with slide coupled.");
   return {};

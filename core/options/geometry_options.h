@@ -36,7 +36,8 @@ struct GeometryOptions {
   bool snap = false;  ///< First move nodes that are off their curve, surface or vertex onto it.
   /// Nodes cross joints at which surfaces or curves meet at no more than this angle, in degrees; 0: none.
   double smooth_angle = 0;
-  /// With Repair::Refine: how many times as many elements the mesh may have if edges on the boundary are split.
+  /// With Repair::Refine, which splits edges on the boundary: the number of elements that the mesh may have, divided by
+  /// their number in the input.
   double growth = 1.5;
   int order = 0;  ///< 0: the mesh is curved. Otherwise it is of order 1 and is first curved with this order.
 

@@ -40,8 +40,8 @@ Expected<void> check_growth(const LayerOptions& options) {
   const double rate = std::log(std::max(1.0, options.growth)), ratio = options.grow / options.first;
   if (options.layers == 0 && options.heights.empty() &&
       (rate < 1e-9 ? ratio : std::log1p(ratio * std::expm1(rate)) / rate) > kMostLayers)
-    return bad_option("More than " + std::to_string(kMostLayers) +
-                      " layers would fit into the one that is grown. Ask for a larger first height or growth.");
+    return bad_option("The grown layer would be split into more than " + std::to_string(kMostLayers) +
+                      " layers. Ask for a larger first height or growth.");
   return {};
 }
 
@@ -69,8 +69,8 @@ Expected<void> check(const LayerOptions& options) {
   }
   if (options.growth != 0 && options.growth < 1)
     return bad_option(
-        "The growth of the layers is below 1. It is the height of each layer over the height of the one below; give "
-        "1 to 10.");
+        "The growth of the layers is below 1. It is the height of each layer divided by the height of the layer below "
+        "it; give 1 to 10.");
   const int given = (options.layers != 0 ? 1 : 0) + (options.first != 0 ? 1 : 0) + (options.growth != 0 ? 1 : 0);
   if (given < 2)
     return bad_option(

@@ -27,7 +27,7 @@ struct LayerOptions {
   std::vector<std::string> walls;
   int layers = 0;
   double first = 0;   ///< Height of the layer at the wall.
-  double growth = 0;  ///< Height of each layer over the height of the one below, dimensionless.
+  double growth = 0;  ///< Height of each layer divided by the height of the layer below it, dimensionless.
   std::vector<double> heights;
   /// How many rows of cells above the wall are split. The sides between rows stay. So the heights within each row are
   /// stretched until layers begin and end there.

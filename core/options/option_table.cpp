@@ -71,7 +71,8 @@ const std::array kTable{
         "Whether each element has its own δ, or each node one δ for all elements around it"),
     row("method", choice<Method, &Options::method>(kMethod),
         "How the energy is minimised: in sweeps over the nodes, by Newton's method for all nodes at once, or "
-        "(auto) sweeps until the mesh is valid, then Newton's method, and untangling of what they leave"),
+        "(auto) sweeps until the mesh is valid, then Newton's method, and then untangling of elements that are left "
+        "invalid"),
     row("colouring", choice<Colouring, &Options::colouring>(kColouring),
         "What one colour of a sweep is made of: groups of nodes, or single nodes"),
     row("active_set", &Options::active_set,
@@ -103,8 +104,9 @@ const std::array kTable{
            "The degree that the quadrature integrates exactly; 0: twice the order"),
     row("objective", choice<Objective, &Options::objective>(kObjective),
         "What the mesh is to be best at; energy stops at the energy's optimum; worst raises the lowest scaled Jacobian "
-        "as far as it goes, at two to twenty times the cost; accuracy lowers what a solver loses because elements are "
-        "curved; auto is energy if an option of the energy is given or the order is 1, and accuracy otherwise"),
+        "as far as it goes, at several times the cost; accuracy lowers what a solver loses because elements are "
+        "curved; auto is energy if an option that only matters for the energy's optimum is given (such as energy, "
+        "tolerance or target) or the order is 1, and accuracy otherwise"),
     number("min_js", &Options::min_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
            "The scaled Jacobian that every element is to keep or reach with the objective accuracy"),
     row("layer_spacing", choice<LayerSpacing, &Options::layer_spacing>(kLayerSpacing),
@@ -136,7 +138,7 @@ const std::array kTable{
            "a scaled Jacobian up to 1, or 0 to let every free node move",
            "Move nodes only near elements with a scaled Jacobian below this; 0: everywhere"),
     number("rings", &Options::rings, kNotNegative, "0 (only the elements below region_below) or more",
-           "How many layers of elements around those below region_below may move"),
+           "Around each element below region_below, the number of layers of elements whose nodes may move"),
 };
 
 constexpr Words kSlideOn[] = {"model", "boundary"};
@@ -149,14 +151,14 @@ const std::array kGeometryTable{
         {},
         {},
         "Which boundary nodes slide: none, surfaces, all (on curves and surfaces), or coupled (the same, and "
-        "then all nodes of the mesh together); auto is all, and tries coupled and none if elements are left"},
+        "then all nodes of the mesh together); auto is all, and tries coupled and none if elements are left invalid"},
     GeometryOption{
         "tolerance",
         &GeometryOptions::tolerance,
         kNotNegative,
-        "a length, or 0 for twice the distance as the mesh came",
+        "a length, or 0 for twice the distance in the input",
         "With coupled sliding: how far the boundary may lie from the geometry, in the mesh's unit of length; "
-        "0: twice as far as it does",
+        "0: twice its distance in the input",
         {},
         "geometry_tolerance"},
     GeometryOption{"snap",
@@ -174,16 +176,18 @@ const std::array kGeometryTable{
                    {},
                    "What boundary nodes slide on: a CAD model, or, without one, the mesh's own curved boundary as it "
                    "came"},
-    GeometryOption{"growth",
-                   &GeometryOptions::growth,
-                   {.least = 1},
-                   "a number, 1 or more",
-                   "With the repair refine: how many times as many elements the mesh may have if edges on the boundary "
-                   "are split",
-                   {},
-                   "refine_growth"},
-    GeometryOption{"order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
-                   "The order with which a mesh of order 1 is first curved on the model; 0: it is curved already"},
+    GeometryOption{
+        "growth",
+        &GeometryOptions::growth,
+        {.least = 1},
+        "a number, 1 or more",
+        "With the repair refine, which splits edges on the boundary: the number of elements that the mesh may "
+        "have, divided by their number in the input",
+        {},
+        "refine_growth"},
+    GeometryOption{
+        "order", &GeometryOptions::order, upto(kMaxOrder), "2 to 10, or 0 for a mesh that is curved",
+        "The order with which a mesh of order 1 is first curved on the model; 0: the mesh is curved already"},
 };
 
 const std::array kLayerTable{
@@ -200,7 +204,7 @@ const std::array kLayerTable{
     LayerOption{"first", &LayerOptions::first, kNotNegative, "a length, or 0 if the other numbers give it",
                 "Height of the layer at the wall, in the mesh's unit of length"},
     LayerOption{"growth", &LayerOptions::growth, upto(10), "1 to 10, or 0 if the other numbers give it",
-                "Height of each layer over the height of the one below"},
+                "Height of each layer divided by the height of the layer below it"},
     LayerOption{"heights",
                 &LayerOptions::heights,
                 {},

@@ -84,8 +84,8 @@ Expected<void> check(const Options& options) {
         "energy; give until_js, or leave out the objective and the options of the energy.");
   if (objective_of(options, kCurved) != Objective::Accuracy && options.layer_spacing != LayerSpacing::Keep)
     return bad_option(
-        "layer_spacing is given, but only the objective accuracy knows layers, and the other options ask for another; "
-        "leave out the objective and the options of the energy, or layer_spacing.");
+        "layer_spacing is given, but only the objective accuracy knows layers, and the other options ask for another "
+        "objective; leave out the objective and the options of the energy, or layer_spacing.");
   if (splits(options.repair) && options.layer_spacing != LayerSpacing::Keep)
     return bad_option("repair is " + word +
                       " and layer_spacing is given, but splits do not know layers; leave layer_spacing at keep.");

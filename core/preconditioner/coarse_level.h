@@ -32,8 +32,8 @@ namespace varimesh {
 class CoarseLevel {
  public:
   /// `batches`: of the problem. solve() overwrites their contributions. All arguments are kept by reference. `part`:
-  /// null, or the part that a rank has of a whole problem; `problem` is that of the part, and all ranks call assemble()
-  /// and solve() together.
+  /// null, or the part that a rank has of a whole problem. `problem` is then the part's problem, and all ranks call
+  /// assemble() and solve() together.
   CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
               const ProblemPart* part = nullptr);
 
@@ -104,7 +104,7 @@ class CoarseLevel {
               Tables tables);
   void take_part(const ProblemPart& part);
   void make_vectors();
-  /// Nodes of other ranks get what those have: all, or those of a colour.
+  /// Nodes of other ranks get the numbers that these ranks have: all nodes, or the nodes of a colour.
   void exchange(UntouchedVector<float>& numbers, std::size_t width) const;
   void exchange_colour(std::size_t colour);
   /// Assembles the matrices of both levels from the tensors.

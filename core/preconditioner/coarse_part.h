@@ -10,9 +10,8 @@
 
 namespace varimesh {
 
-/// A coarse space on the cells of a ProblemPart, ghosts among them, with nodes of its own numbering, which ascends with
-/// that of the whole space. A rank owns the nodes whose lowest mesh node (lowest_mesh_nodes()) it owns, so it has all
-/// their cells.
+/// A coarse space on the cells of a ProblemPart, ghosts included, with nodes of its own numbering, in the order of the
+/// whole space. A rank owns the nodes whose lowest mesh node (lowest_mesh_nodes()) it owns, so it has all their cells.
 struct CoarsePart {
   CoarseSpace space;
   std::vector<std::int32_t> numbers;  ///< By node: the number in the whole space, ascending.

@@ -24,8 +24,9 @@ namespace varimesh {
 class Preconditioner {
  public:
   /// `batches`: of the problem. apply() overwrites their contributions. All arguments are kept by reference. `part`:
-  /// null, or the part that a rank has of a whole problem, and `problem` is that of the part. All ranks call assemble()
-  /// and apply() together, and each gets the numbers of its own nodes, with the bits that they have without ranks.
+  /// null, or the part that a rank has of a whole problem. `problem` is then the part's problem. All ranks call
+  /// assemble() and apply() together, and each rank gets the numbers of its own nodes, with the same bits as without
+  /// ranks.
   Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team,
                  const ProblemPart* part = nullptr);
 

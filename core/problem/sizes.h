@@ -11,8 +11,8 @@ namespace varimesh {
 /// The size of a cell is its shortest height: for each of its facets (faces in 3-D, edges in 2-D) the distance of the
 /// farthest vertex from the facet, in the affine cell with the gradient that the straight-sided cell has at the mean of
 /// its vertices. For triangles, tetrahedra, parallelograms and parallelepipeds these are the heights themselves. In a
-/// boundary layer it is the thickness of the layer: a node that moves by the length of a cell along the wall is far
-/// from where it was in units of the size, and so is a node that moves by the thickness.
+/// boundary layer the size is the thickness of the layer. In units of this size, a node that moves along the wall by
+/// the length of a cell moves far, and a node that moves by the thickness moves by 1.
 ///
 /// A height that is shorter than 1e-6 of the distance of a vertex from the mean counts as that long, so a
 /// straight-sided cell without volume has a size too.

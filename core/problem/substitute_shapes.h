@@ -31,9 +31,9 @@ struct SubstituteShapes {
 /// is not flat in this sense: its short edges stand on its long ones.
 ///
 /// The substitute is the regular shape (targets.h), turned by the polar factor of the curved cell's mean gradient. Its
-/// volume is that which the curved cell encloses, ∫ det ∇χ_M. If this is below a hundredth of the mean volume of the
-/// neighbours across facets, it is that mean; only positive volumes count, and if no neighbour has one, those of all
-/// cells.
+/// volume is the volume that the curved cell encloses, ∫ det ∇χ_M. If this is below a hundredth of the mean volume of
+/// the neighbours across facets, its volume is this mean. Only positive volumes count; if no neighbour has one, the
+/// mean is over all cells.
 ///
 /// @param facets of the mesh
 /// @param sound  by cell, Certifier::sound_with_straight_sides()

@@ -14,7 +14,7 @@ void begin_confinement();
 struct Confinement {
   std::int64_t processor_seconds = 0;  ///< 0: no limit. Then comes SIGXCPU, which names it, and soon SIGKILL.
   std::int64_t memory = 0;             ///< Most address space, in bytes. 0: no limit. See `has_device`.
-  bool memory_can_be_raised = false;   ///< By whoever started this process, later.
+  bool memory_can_be_raised = false;   ///< Whether the program that started this process may raise `memory`.
   std::int64_t file_bytes = 0;         ///< The most bytes of a file that is open for writing.
   int more_descriptors = 0;            ///< How many may be opened beside those that are open.
   bool threads = false;                ///< Whether threads may be started.
@@ -23,7 +23,7 @@ struct Confinement {
   /// what it can write and shares with nobody (RLIMIT_DATA): a driver reserves more addresses than any machine has
   /// memory.
   bool has_device = false;
-  bool has_threads = false;  ///< A driver has started some. The rules hold for them, too.
+  bool has_threads = false;  ///< A driver has started threads. The rules hold for these, too.
   /// The one file that can be opened. Opening this path gives a copy of the descriptor, at the beginning of the file.
   /// If the path is null, no file can be opened. It must live as long as the process.
   const char* path = nullptr;

@@ -17,15 +17,15 @@ class SamplesElsewhere;
 
 /// quality() without certifying again. `certificates` are those of `certifier` for mesh.coordinates, one per cell in
 /// the mesh's order. Do not call it inside team.run(). The team's token may interrupt it.
-/// @param ranks all of them have a part of the mesh, a range of its cells, and get the report on the whole, but only
-/// the first rank gets the lists of elements
-/// @param elsewhere samples the cells if it can (lattice_kernel.h); may be null
+/// @param ranks      the ranks, each with a part of the mesh, a range of its cells. All get the report on the whole
+///                   mesh, but only the first rank gets the lists of elements
+/// @param elsewhere  samples the cells if it can (lattice_kernel.h); may be null
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team, const Ranks& ranks = one_rank(),
                       detail::SamplesElsewhere* elsewhere = nullptr);
 
 /// quality() of core/quality/quality.h with the team's threads. Do not call it inside team.run(). The team's token may
-/// interrupt it. `facets`: those of the mesh, if they are known and it is no surface in space.
+/// interrupt it. `facets`: the facets of the mesh, if they are known and the mesh is no surface in space.
 QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team, const Facets* facets = nullptr);
 
 /// The same for a mesh whose cells are certified already, by a Certifier of this mesh. If cells are numbered clockwise,
@@ -45,8 +45,8 @@ struct ScaledJacobians {
   double smallest = 0, mean = 0;
 };
 
-/// Those of the mesh with its nodes at these coordinates (3 per node, interleaved), as in QualityReport on the default
-/// lattice. `elsewhere` as above.
+/// The smallest and the mean scaled Jacobian of the mesh with its nodes at these coordinates (3 per node, interleaved),
+/// as in QualityReport on the default lattice. `elsewhere` as above.
 ScaledJacobians scaled_jacobians(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team,
                                  detail::SamplesElsewhere* elsewhere = nullptr);
 

@@ -58,7 +58,8 @@ class FlatSurface {
 /// outlive it.
 class JudgedMesh {
  public:
-  /// Call it inside team.run(). `facets`: those of the mesh, if they are known and it is no surface in space.
+  /// Call it inside team.run(). `facets`: the facets of the mesh, if they are known and the mesh is no surface in
+  /// space.
   explicit JudgedMesh(const HighOrderMesh& mesh, const Team& team = Team(1), const Facets* facets = nullptr);
 
   const HighOrderMesh& mesh() const { return oriented_->mesh(); }

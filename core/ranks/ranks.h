@@ -27,9 +27,9 @@ struct Traffic {
 
 /// The ranks that work together, as one of them sees it.
 ///
-/// Every function that has to do with others is called by all ranks, in the same order, and returns when all have
-/// called it. A rank that fails by itself goes on to the next call of agree(), which tells all of it. The results do
-/// not depend on how the work is divided.
+/// All ranks call every function that has to do with others, in the same order, and it returns when all have called it.
+/// A rank that fails by itself goes on to the next call of agree(), which tells all ranks of the failure. The results
+/// do not depend on how the work is divided.
 class Ranks {
  public:
   using Bytes = std::vector<std::byte>;
@@ -126,8 +126,8 @@ class Ranks {
     return lists;
   }
 
-  /// The first fault, which is that of the lowest rank, on all ranks; nothing if all are well. All ranks stop or go on
-  /// together.
+  /// Returns the fault of the lowest rank that has one, on all ranks; nothing if no rank has a fault. All ranks stop or
+  /// go on together.
   Expected<void> agree(const Expected<void>& mine) const;
   /// Calls work() on this rank, and agrees on how it went. work() returns Expected<void> or nothing, and calls no other
   /// rank. What it throws becomes an error.

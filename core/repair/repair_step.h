@@ -25,7 +25,7 @@ struct RepairStep {
   std::int64_t node = 0;               ///< The new vertex; 0 if there is none.
   std::vector<std::int64_t> elements;  ///< A split element's number stays with one of its parts.
   /// Of a split: the other parts, one per element, in the same order, or two per element if a face was split. Of a swap
-  /// or a collapse: the elements that are new, all with numbers above those that there were.
+  /// or a collapse: the new elements, with numbers above all numbers before.
   std::vector<std::int64_t> new_elements;
   std::string sentence;  ///< For humans: what was done, or why not.
 };

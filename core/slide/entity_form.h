@@ -21,8 +21,8 @@ struct EntityNode {
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
 };
 
-/// The nodes of the elements of a curve or surface, sorted by index. Free are those that belong to the entity itself
-/// and are not fixed.
+/// The nodes of the elements of a curve or surface, sorted by index. Nodes that belong to the entity itself and are not
+/// fixed are free.
 /// @param coordinates of all nodes of the mesh
 std::vector<EntityNode> curve_nodes(int curve, const std::vector<EntityElement>& elements,
                                     const Association& association, const std::vector<double>& coordinates,

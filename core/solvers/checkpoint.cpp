@@ -4,7 +4,7 @@ namespace varimesh {
 namespace {
 
 /// Names the layout and the meaning of its numbers. Raise the number with every change of either.
-constexpr std::string_view kName = "VariMesh checkpoint ", kMark = "VariMesh checkpoint 13\n";
+constexpr std::string_view kName = "VariMesh checkpoint ", kMark = "VariMesh checkpoint 14\n";
 static_assert(kMark.starts_with(kName));
 constexpr std::size_t kPiece = 256 << 10;
 

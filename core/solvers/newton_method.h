@@ -35,8 +35,8 @@ struct NewtonOutcome {
   double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
   double damping = 0;        ///< Share of the full step that was taken; 0: no step lowered the objective.
   bool failed = false;       ///< The step is not finite, or it is 0 although the gradient is not.
-  /// Whether every node is within the tolerance of the optimum: the residual is, the linear system was solved far
-  /// enough, and the gradient after the step agrees.
+  /// Whether every node is within the tolerance of the optimum: the residual is within it, the linear system was solved
+  /// far enough, and the gradient after the step agrees.
   bool converged = false;
   LinearSolve linear_solve = LinearSolve::None;
   int products = 0;  ///< Products of the Hessian and a direction.

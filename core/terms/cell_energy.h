@@ -33,9 +33,9 @@ inline void change_kind_of_numbers() { std::atomic_signal_fence(std::memory_orde
 /// products are in single precision, of the Hessian at deformation gradients that are held to 16 bits
 /// (BatchSet::deformation). All references must outlive the object. Call all functions inside team.run().
 ///
-/// The problem may be the part that a rank has of a whole one. Then all ranks call fit_scale(), value(), rounding(),
-/// noise(), gradient(), linearise(), for_blocks() and multiply() together, each sums up the nodes that it owns, and all
-/// results have the bits that they have without ranks.
+/// The problem may be the part that a rank has of a whole problem. Then all ranks call fit_scale(), value(),
+/// rounding(), noise(), gradient(), linearise(), for_blocks() and multiply() together. Each rank sums up the nodes that
+/// it owns, and all results have the same bits as without ranks.
 class CellEnergy {
  public:
   /// `share`: null, or what the rank has of the whole problem.
@@ -76,7 +76,7 @@ class CellEnergy {
 
   // === Derivatives ===
   /// Chooses a power of two by which the Hessian is divided in blocks and products, so that it fits single precision.
-  /// That of the p-norm is estimated as that of the energy times the largest slope of a cell. Without this call it
+  /// The p-norm's Hessian is estimated as the energy's Hessian times the largest slope of a cell. Without this call it
   /// is 1.
   void fit_scale();
   double scale() const { return scale_; }
@@ -93,7 +93,7 @@ class CellEnergy {
 
   /// Sets the gradient, d numbers per own free node. It has no meaning if value() is infinite.
   void gradient(std::span<double> gradient);
-  /// The same, bit for bit, and keeps what follows needs.
+  /// The same, bit for bit; also keeps what the functions below need.
   void linearise(std::span<double> gradient);
   /// Replaces what linearise() has kept by a positive semidefinite part of the Hessian: the terms with f_J ∂²J are left
   /// out, and f_JJ is at least λ/(J² + δ²). Only for a hyperelastic energy.

@@ -34,8 +34,8 @@ class Certifier {
   /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move. Call it inside
   /// team.run().
   explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {}, const Team& team = Team(1));
-  /// The same for a part of a mesh. `box` is that of the whole mesh, and `sign` its detail::orientation(), so that the
-  /// certificates are those that the cells get in the whole mesh.
+  /// The same for a part of a mesh. `box` and `sign` are the box and the detail::orientation() of the whole mesh, so
+  /// that cells get the same certificates as in the whole mesh.
   Certifier(const HighOrderMesh& part, const BoundingBox& box, double sign, CertificateOptions options = {});
 
   /// How closely sharpen() finds the mesh's minimum if not told otherwise.
@@ -52,8 +52,8 @@ class Certifier {
   /// (x y z of each node of the mesh, interleaved). `certificates` has cells() entries. Call it inside team.run(); the
   /// result does not depend on the number of threads. If the team's token interrupts it, each entry is either as it was
   /// or the new certificate.
-  /// @param ranks  all of them have the whole mesh and call it together. Each certifies a share of the cells, and all
-  /// get all certificates
+  /// @param ranks  the ranks that call this together, each with the whole mesh. Each rank certifies a share of the
+  ///               cells, and all ranks get all certificates
   void certify(std::span<const double> coordinates, std::span<Certificate> certificates, const Team& team,
                const Ranks& ranks = one_rank()) const;
 

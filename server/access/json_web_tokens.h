@@ -21,7 +21,7 @@ struct JsonWebTokenSettings {
                      ///< Empty: the issuer's configuration says where they are.
   std::string issuer;                 ///< What the claim "iss" must be.
   std::string audience;               ///< What the claim "aud" must be or contain.
-  std::string owner_claim = "sub";    ///< The claim that says whose a token is.
+  std::string owner_claim = "sub";    ///< The claim with the owner of a token.
   std::string roles_claim = "roles";  ///< The claim with the roles: a list, or words with spaces between them.
   /// A file with the authorities of the server that keys are fetched from. Empty: the machine's.
   std::string authority = {};

@@ -27,7 +27,7 @@ struct ApiContext {
   MeshStore& meshes;
   const Access& access;
   Pool& pool;
-  Pool& files;  ///< For calls that read, write or hash the bytes of meshes: the others do not wait for those.
+  Pool& files;  ///< For calls that read, write or hash the bytes of meshes: other calls do not wait for them.
   Pool& large;  ///< For requests of megabytes, which a thread takes a tenth of a second to parse.
   CallRegistry& calls;
   PeerCounts& watches;
@@ -38,8 +38,8 @@ struct ApiContext {
   TimePoint start_time;
 };
 
-/// The key of the metadata in which the HTTP port, whose calls come from inside this process, says from where its
-/// caller calls. Nobody else can guess it.
+/// The key of the metadata in which the HTTP port says from where its caller calls, since its own calls come from
+/// inside this process. Nobody else can guess the key.
 const std::string& key_of_address();
 
 /// The same for the name in the certificate of that caller.
@@ -77,8 +77,8 @@ inline Pool& pool_of(const ApiContext& api, const grpc::ByteBuffer& bytes) {
 }
 
 /// Answers a unary call with the status of `work`, which gets what the caller may see, and the request. It runs on the
-/// pool because it may wait for a disk or a database. `most`: the largest request, in bytes. One with megabytes
-/// runs where only others of that size wait for it.
+/// pool because it may wait for a disk or a database. `most`: the largest request, in bytes. A request of megabytes
+/// runs where only other requests of that size wait for it.
 template <class Request, class Work>
 grpc::ServerUnaryReactor* unary(const ApiContext& api, grpc::CallbackServerContext* call, Method method,
                                 const grpc::ByteBuffer* bytes, Work work, std::size_t most = kMostRequestBytes) {

@@ -50,15 +50,16 @@ struct Program {
     app.add_option(
         "--config", config,
         "File with settings, one 'key = value' each, with the names of these options without dashes. Options "
-        "and the environment variables VARIMESHD_KEY (such as VARIMESHD_MAX_PRIORITY) go before the file "
+        "and the environment variables VARIMESHD_KEY (such as VARIMESHD_MAX_PRIORITY) override the file "
         "(default: the environment variable VARIMESHD_CONFIG)");
     app.add_flag("--print-config", print_config, "Print all settings, with where they come from, and end");
     put_under(app, "Help and settings");
     add_connection_flags(app, flags);
     put_under(app, "Addresses, callers and the log");
-    app.add_option("--watchdog-seconds", units.watchdog_seconds,
-                   "Seconds without an answer to the server's own calls after which it ends with status 1, for whoever "
-                   "starts it again; 0: never")
+    app.add_option(
+           "--watchdog-seconds", units.watchdog_seconds,
+           "If the server's own calls get no answer for this many seconds, the server ends with status 1, so that it "
+           "can be started again; 0: never")
         ->capture_default_str()
         ->check(CLI::Range(0.0, 86400.0));
     add_resource_flags(app, flags);

@@ -21,7 +21,7 @@ constexpr std::array kExamples{
     Example{"", "the same, with jobs and results that outlive the server", "varimeshd --state DIR"},
     Example{"", "serve this machine on a port, with a page that shows the jobs",
             "varimeshd --listen 127.0.0.1:50051 --admin 127.0.0.1:8080"},
-    Example{"", "make a token for ann, and let only those call that have a token",
+    Example{"", "make a token for ann, and refuse callers without a token",
             "varimeshd token ann --tokens FILE && varimeshd --tokens FILE"},
     Example{"", "serve other machines, encrypted ('varimesh certificates' makes certificates to try this)",
             "varimeshd --listen 0.0.0.0:50051 --tls-certificate server.pem --tls-key server.key --tokens FILE"},

@@ -19,11 +19,12 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       "HOST:PORT on loopback for HTTP and JSON: the calls of gRPC for programs without it; port 0 is any free "
       "port");
   app.add_option("--https", options.https,
-                 "HOST:PORT for the same with TLS, which others may reach: it uses the files of --tls-certificate and "
-                 "the flags below it, and callers need what --listen asks them for; port 0 is any free port");
-  app.add_option("--metrics", options.metrics,
-                 "HOST:PORT for plain HTTP that others may reach: metrics for Prometheus, and health checks; port 0 is "
-                 "any free port");
+                 "HOST:PORT for HTTP and JSON with TLS, which other machines may reach. It uses the files of the --tls "
+                 "flags, and callers need the same tokens or certificates as at --listen; port 0 is any free port");
+  app.add_option(
+      "--metrics", options.metrics,
+      "HOST:PORT for plain HTTP that other machines may reach: metrics for Prometheus, and health checks; port "
+      "0 is any free port");
   app.add_option("--traces", flags.traces,
                  "http://HOST:PORT or https://HOST:PORT of a collector of traces (OTLP over HTTP), which is told what "
                  "submitting, waiting for and running a job took");
@@ -41,19 +42,20 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       "Public keys of an OpenID Connect issuer (a JSON Web Key Set), whose tokens are accepted: a file, which is read "
       "again when it changes, or an address with https:// (default: the configuration of --jwt-issuer names them)");
   app.add_option("--jwt-authority", options.web_tokens.authority,
-                 "File with the authority of the server that keys are fetched from, in PEM (default: those that the "
-                 "machine knows)");
+                 "File with the authority of the server that keys are fetched from, in PEM (default: the machine's "
+                 "authorities)");
   app.add_option("--jwt-issuer", options.web_tokens.issuer, "The claim iss of the issuer's tokens");
   app.add_option("--jwt-audience", options.web_tokens.audience,
                  "What the claim aud of the issuer's tokens must be or contain");
-  app.add_option("--jwt-owner-claim", options.web_tokens.owner_claim, "The claim that says whose a token is")
+  app.add_option("--jwt-owner-claim", options.web_tokens.owner_claim, "The claim with the owner of a token")
       ->capture_default_str();
   app.add_option("--jwt-roles-claim", options.web_tokens.roles_claim,
                  "The claim with the roles (submit, read, cancel, admin), as a list or with spaces between them")
       ->capture_default_str();
-  app.add_option("--tls-certificate", options.tls.certificate,
-                 "File with the server's certificate and those that lead to its authority, in PEM: connections are "
-                 "encrypted. The files of the three flags are read again when they change");
+  app.add_option(
+      "--tls-certificate", options.tls.certificate,
+      "File with the server's certificate and the certificates between it and its authority, in PEM. Connections "
+      "are then encrypted. The files of the --tls flags are read again when they change");
   app.add_option("--tls-key", options.tls.key, "File with the private key of the certificate, in PEM");
   app.add_option(
       "--tls-authority", options.tls.authority,
@@ -73,7 +75,7 @@ void add_webhook_flags(CLI::App& app, WebhookSettings& webhooks, Units& units) {
                  "each, https://HOST KEY, and 'private' behind it if the address may be in a private network. It is "
                  "read again when it changes (default: nobody is called)");
   app.add_option("--webhook-authority", webhooks.authority,
-                 "File with the authority of these servers, in PEM (default: those that the machine knows)");
+                 "File with the authority of these servers, in PEM (default: the machine's authorities)");
   app.add_option("--webhook-seconds", units.webhook_seconds,
                  "Seconds until a call that failed is made again; each later pause is twice as long, up to an hour")
       ->capture_default_str()
@@ -89,6 +91,7 @@ void add_resource_flags(CLI::App& app, Flags& flags) {
                  "'process' runs each job in a process of its own, without files and network, which may crash without "
                  "harm to others; 'none' runs all jobs in the server's process")
       ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"process", true}, {"none", false}}))
+      ->type_name("process|none")
       ->default_str(flags.runs_in_processes ? "process" : "none");
   app.add_option("--threads", limits.threads, "Threads shared by the running jobs; 0: all threads of the machine")
       ->check(CLI::Range(0, 4096));
@@ -114,12 +117,12 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   app.add_option("--max-job-iterations", limits.max_job_iterations,
-                 "Iterations of a job; a job that asks for more is refused")
+                 "The most iterations of a job; a job that asks for more is refused")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
-  app.add_option(
-         "--max-job-seconds", limits.max_job_seconds,
-         "Seconds that a job runs; a job that asks for more is refused, and one without a time limit has this one")
+  app.add_option("--max-job-seconds", limits.max_job_seconds,
+                 "The most seconds that a job may run; a job that asks for more is refused, and a job without a time "
+                 "limit gets this limit")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e9));
   app.add_option("--max-priority", limits.max_priority,
@@ -166,14 +169,13 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
   app.add_option("--data", options.data,
                  "Without --state: directory in which the temporary directory for meshes is created (default: TMPDIR, "
                  "or /tmp)");
-  app.add_option(
-         "--max-ended-jobs", limits.max_ended_jobs,
-         "Jobs of an owner that are remembered, with their results, after their end; more are deleted when they "
-         "are old enough")
+  app.add_option("--max-ended-jobs", limits.max_ended_jobs,
+                 "Ended jobs of an owner that are remembered, with their results; older ones are deleted after "
+                 "--min-ended-age")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--min-ended-age", units.ended_minutes,
-                 "Minutes for which every ended job is remembered, however many there are")
+                 "Minutes for which every ended job is remembered, however many jobs have ended")
       ->capture_default_str()
       ->check(CLI::Range(0, 60 * 24 * 36500));  // a century; more nanoseconds would overflow
   app.add_option("--max-ended-age", units.most_ended_hours,

@@ -124,7 +124,7 @@ void keep_orders(HighOrderMesh& mesh, int order, const RunHooks& hooks) {
   const bool has_lower = formats::keep_orders(mesh), changes = order != 0 && order != mesh.order;
   if (!hooks.on_note || (has_lower && !changes)) return;
   hooks.on_note(has_lower ? "No element keeps its own order, because all get order " + std::to_string(order) +
-                                ". Without an order for the result, they keep it."
+                                ". Without an order for the result, elements keep their own orders."
                           : "No element came at a lower order than others, so there are no orders to keep.");
 }
 

@@ -31,12 +31,12 @@ struct RunRequest {
   std::vector<v1::MeshFormat> outputs;     ///< The formats of the results. Empty: the format of the input.
   std::optional<v1::QualityTask> quality;  ///< If set, the mesh is judged, and nothing moves.
   std::optional<v1::Geometry> geometry;    ///< If set, boundary nodes slide before the mesh is optimised.
-  std::optional<v1::Layers> layers;        ///< If set, thick cells are split into layers in the end.
-  bool keep_orders = false;                ///< Elements that came at a lower order are written so again.
-  std::shared_ptr<const Blob> cad_file;    ///< The CAD file if they slide on a model. core_engine() does not read it.
+  std::optional<v1::Layers> layers;        ///< If set, thick cells are split into layers after the optimisation.
+  bool keep_orders = false;                ///< Each element is written at the order at which it came.
+  std::shared_ptr<const Blob> cad_file;    ///< The CAD file if nodes slide on a model. core_engine() does not read it.
   std::shared_ptr<const geometry::CadModel> model;  ///< The model once it is read. core_engine() slides on it.
   std::string device;         ///< The device that the run may have, as CUDA_VISIBLE_DEVICES names it. Empty: none.
-  std::string why_no_device;  ///< Why it has none although the server has some: a sentence for the result.
+  std::string why_no_device;  ///< Why it has no device although the server has devices: a sentence for the result.
 };
 
 /// How a run ended.
@@ -82,8 +82,9 @@ struct RunHooks {
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
   /// must be set. Every run adds what its kernels do to `control.meter`.
   RunControl control = without_a_card();
-  /// Called before the mesh is read, and up to twice meanwhile, with the least and the most memory, in bytes, that this
-  /// takes. Waits until there is enough. False if the run is to stop. Errors: BadInput if there can never be the least.
+  /// Called before the mesh is read, and up to twice meanwhile, with the least and the most memory, in bytes, that
+  /// reading takes. Waits until there is enough. False if the run is to stop. Errors: BadInput if the least memory can
+  /// never be free.
   std::function<Expected<bool>(std::int64_t least, std::int64_t most)> admit_reading;
   /// Called once the mesh is read, with the memory that the run needs, in bytes, the mesh included. Waits until there
   /// is enough or the run is to stop. False if it is to stop and there is not enough. Errors: BadInput if there can

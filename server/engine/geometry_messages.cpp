@@ -49,7 +49,8 @@ Expected<void> check(const v1::Geometry& geometry, const Options& options) {
   if (options.repair == Repair::Refine && own->on_boundary())
     return bad_option("repair is refine, which needs a model for its new nodes; choose split, or give a model.");
   if (options.order > 0)
-    return bad_option("order does not go with a geometry, because new boundary nodes would not lie on it.");
+    return bad_option(
+        "order does not go with a geometry, because the new boundary nodes would not lie on the geometry.");
   if (!options.free.empty() || !options.free_nodes.empty() || !options.fix_nodes.empty() || options.region_below > 0)
     return bad_option("A geometry goes only with fix, not with other options that fix or free nodes.");
   return {};

@@ -323,8 +323,7 @@ formats::Format format_from(v1::MeshFormat message) {
 namespace {
 
 bool is_installed(v1::MeshFormat format) {
-  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS || format == v1::MESH_FORMAT_PYFR;
-  return v1::MeshFormat_IsValid(format) && (!hdf5 || formats::has_hdf5());
+  return v1::MeshFormat_IsValid(format) && (!formats::needs_hdf5(format_from(format)) || formats::has_hdf5());
 }
 
 }  // namespace

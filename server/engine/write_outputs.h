@@ -13,8 +13,8 @@ namespace varimesh::server {
 /// if that can only be read.
 std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as);
 
-/// Writes the results, and says what their formats have no place for. False if the run is to stop and they do not get
-/// on. Errors: BadInput if the time limit of the request is over, Output if a sink stopped.
+/// Writes the results, and says what their formats have no place for. False if the run is to stop and writing makes no
+/// progress. Errors: BadInput if the time limit of the request is over, Output if a sink stopped.
 /// @param thickness  as for thickness_field() of core/optimise/marks/marks.h; empty: no row was grown on walls
 Expected<bool> write_outputs(const Result& result, std::span<const double> thickness, const RunRequest& request,
                              v1::MeshFormat read_as, const RunHooks& hooks);

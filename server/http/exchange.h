@@ -25,15 +25,15 @@ namespace varimesh::server {
 
 /// Bytes of a file.
 struct ByteRange {
-  std::int64_t first = 0, end = 0;  ///< From the first on to the one before the end.
-  bool is_part = false;             ///< They were asked for by Range.
+  std::int64_t first = 0, end = 0;  ///< The bytes from `first` to the one before `end`.
+  bool is_part = false;             ///< The client has asked for these bytes by Range.
 };
 
 /// Who has sent a request.
 struct HttpCaller {
   std::string address;        ///< Without the port.
   std::string certificate;    ///< The common name in the caller's certificate; empty: the caller has shown none.
-  bool is_encrypted = false;  ///< The connection is.
+  bool is_encrypted = false;  ///< Whether the connection is.
 };
 
 /// Reads a request and answers it. One thread at a time.
@@ -42,7 +42,8 @@ class HttpExchange {
   /// @param large_texts  a thread that reads and writes large texts of JSON
   HttpExchange(mg_connection* connection, HttpCaller caller, Pool& large_texts);
 
-  /// From now on, the work on the texts of this exchange is that of this caller, who is counted once for all tokens.
+  /// From now on, the work on the texts of this exchange counts as this caller's work, whichever token the caller
+  /// shows.
   void set_peer(std::string peer) { peer_ = std::move(peer); }
 
   std::string_view method() const;
@@ -95,13 +96,14 @@ class HttpExchange {
       refuse(status);
   }
 
-  /// Begins to answer with some bytes of a file of this size. `digest`: empty: no part of it can be asked for.
+  /// Begins to answer with some bytes of a file of this size. `digest`: if it is empty, a client cannot ask for a part
+  /// of the file.
   void begin_bytes(const ByteRange& range, std::int64_t size, const std::string& digest);
-  /// Sends some of them. Returns false if the client is gone, or does not take them for half a minute.
+  /// Sends some of these bytes. Returns false if the client is gone, or takes none of them for half a minute.
   bool send(std::string_view bytes);
   /// Begins to answer with server-sent events.
   void begin_events();
-  /// Sends some of their text. An empty one ends the answer. Returns as send().
+  /// Sends some text of these events. An empty text ends the answer. Returns what send() would.
   bool send_chunk(std::string_view text);
   /// Answers that there is nothing to send, and that there will be nothing.
   void answer_nothing();
@@ -116,10 +118,11 @@ class HttpExchange {
   void refuse(const grpc::Status& status, int http = 0, const std::string& more = {});
 
  private:
-  /// Does work on a text or message of this size, and waits for it. A processor may need half a second for a large one.
-  /// Of those, one is worked on at a time, and callers take turns, so that other requests do not wait for them.
+  /// Does work on a text or message of this size, and waits for it. A processor may need half a second for a large
+  /// text. Only one large text is worked on at a time, and callers take turns, so that other requests do not wait for
+  /// large texts.
   void in_turn(std::size_t bytes, const std::function<void()>& work);
-  /// Whether the client knows chunks, the end of which shows that nothing is missing.
+  /// Whether the client knows chunks: their end shows that nothing is missing.
   bool has_chunks() const;
 
   mg_connection* const connection_;
@@ -130,7 +133,7 @@ class HttpExchange {
   std::optional<int> socket_;  ///< Once it was looked for.
 };
 
-/// INVALID_ARGUMENT: the query has a field that is none of the known ones.
+/// INVALID_ARGUMENT: the query has an unknown field.
 Refusal unknown_field(const std::string& name, const std::string& known);
 
 }  // namespace varimesh::server

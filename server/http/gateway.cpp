@@ -232,7 +232,7 @@ void Gateway::submit(HttpExchange& exchange) const {
     }
   }
   if (has_mesh && request.validate_only())
-    return exchange.refuse(status(bad_request("A form cannot be checked only; send the spec alone as JSON.")));
+    return exchange.refuse(status(bad_request("validateOnly does not go with a form; send the spec alone as JSON.")));
   if (has_mesh)
     return work_long(exchange, Method::Optimise, transfers_,
                      [&] { receive_job(exchange, *optimise_, request.request_id()); });

@@ -29,7 +29,7 @@ struct HttpPorts {
   std::string plain;      ///< HOST:PORT; empty: nowhere without TLS.
   std::string encrypted;  ///< HOST:PORT; empty: nowhere with TLS.
   TlsFiles tls;           ///< For `encrypted`: as TlsFront::start() takes them.
-  bool insecure = false;  ///< `plain` may be beyond loopback, where a proxy of a network that is trusted asks.
+  bool insecure = false;  ///< `plain` may be beyond loopback, for a proxy in a trusted network.
 };
 
 /// An HTTP server whose requests become calls of this server's own services, so callers, owners, limits, the log and
@@ -37,11 +37,11 @@ struct HttpPorts {
 /// routes.h has the addresses.
 ///
 /// A token comes as "Authorization: Bearer TOKEN"; there are no cookies. A page of another site is refused by its
-/// Origin, and one whose name was made to point here (DNS rebinding) by its Host: that must be a name of this machine
-/// or, with TLS, one in the server's certificate.
+/// Origin. A page whose host name was made to point here (DNS rebinding) is refused by its Host, which must be a name
+/// of this machine or, with TLS, a name in the server's certificate.
 class Gateway {
  public:
-  /// Who the limits per peer count, if the caller of a method may call it. Asked before a body is read.
+  /// The peer that the limits count, if the caller may call the method. Asked before a body is read.
   using Admit = std::function<Answer<std::string>(Method, std::string_view authorization, const HttpCaller& caller)>;
 
   /// Listens at one of the ports or at both, which share all limits. The HOST of the plain one is in 127.0.0.0/8, [::1]
@@ -62,7 +62,7 @@ class Gateway {
  private:
   Gateway(const std::shared_ptr<grpc::Channel>& channel, Admit admit);
   static int handle(mg_connection* connection);
-  /// Who has sent the request. Nothing: it came to the port that is there for TLS only, and past that.
+  /// Who has sent the request. Nothing if it came to the port behind TLS, but not through TLS.
   std::optional<HttpCaller> caller_of(const mg_request_info& request) const;
   bool is_own_name(const HttpExchange& exchange) const;
   void answer(HttpExchange& exchange) const;

@@ -36,24 +36,24 @@ struct PageFile {
 /// The file that has this path; null: there is none.
 const PageFile* find_page_file(std::span<const PageFile> files, std::string_view path);
 
-/// Sends a file without a copy of it. Nobody has to say who they are for it, so a client that takes it slowly is given
-/// up.
+/// Sends a file without copying it. Everybody may fetch it, so the server gives up a client that takes it slowly.
 void send_page_file(mg_connection* connection, const PageFile& file);
 
 /// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
 bool is_own_host(const char* host);
 
-/// What encrypts in front of an HTTP server gets a port of its own, which is any free one of 127.0.0.1.
+/// Whether something in front of an HTTP server encrypts. It then gets a port of its own: any free port of 127.0.0.1.
 enum class Behind { Nothing, Tls };
 
 /// An HTTP server with threads of its own, without files of the disk. It ends with this object. A connection that does
 /// not send a whole request keeps one of the threads until a request is given up.
 class HttpServer {
  public:
-  /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Empty: only what encrypts has a
-  /// port. Calls `handle` for each request, which must answer it; `user` is what mg_get_request_info() gives as its
-  /// user data. `flag`: who asked for the address, for the messages. `threads`: how many requests are answered at a
-  /// time. Errors: BadOption if the address has no port, Output if it is taken or the system refuses a port or threads.
+  /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Empty: there is only the port for
+  /// what encrypts. Calls `handle` for each request, which must answer it; `user` is what mg_get_request_info() gives
+  /// as its user data. `flag`: who asked for the address, for the messages. `threads`: how many requests are answered
+  /// at a time. Errors: BadOption if the address has no port, Output if it is taken or the system refuses a port or
+  /// threads.
   Expected<void> listen(const std::string& address, const std::string& flag, int (*handle)(mg_connection*), void* user,
                         int threads = kHttpThreads, Behind behind = Behind::Nothing);
   HttpServer() = default;

@@ -20,8 +20,8 @@ void tell_upload(HttpExchange& exchange, v1::MeshService::Stub& meshes, const st
 /// job.
 void receive_job(HttpExchange& exchange, v1::OptimiseService::Stub& optimise, const std::string& request_id);
 
-/// Answers with the bytes of a result of the job, or with those that the header Range names. The query may have its
-/// format; without it the job must have one result.
+/// Answers with the bytes of a result of the job, or with the bytes that the header Range names. The query may name the
+/// format of the result; otherwise the job must have exactly one result.
 void send_result(HttpExchange& exchange, v1::JobService::Stub& jobs, v1::MeshService::Stub& meshes,
                  const std::string& job);
 

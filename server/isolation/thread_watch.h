@@ -14,8 +14,8 @@
 
 namespace varimesh::server {
 
-/// Kills processes that have more than they may. It looks fifty times a second, with a thread of its own, which
-/// sleeps while there is nothing to watch. Thread-safe.
+/// Kills processes that have more threads, or more of this memory, than they may. It looks fifty times a second, with a
+/// thread of its own, which sleeps while there is nothing to watch. Thread-safe.
 class ThreadWatch {
  public:
   ThreadWatch() = default;
@@ -23,7 +23,7 @@ class ThreadWatch {
   ThreadWatch(const ThreadWatch&) = delete;
   ThreadWatch& operator=(const ThreadWatch&) = delete;
 
-  /// Beside those that compute: the first, the one that listens to the server, and some that are about to end.
+  /// Threads beside those that compute: the first, the one that listens to the server, and some that are about to end.
   static constexpr int kMore = 10;
 
   /// Watches a child of this process. At most `computing` of its threads compute. Call forget() before anybody waits

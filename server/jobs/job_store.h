@@ -27,12 +27,12 @@ struct JobStoreSettings {
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::chrono::milliseconds lease{30'000};  ///< A worker that does not renew its lease for this long loses its job.
   int max_attempts = 3;                     ///< A job that is lost this often without progress becomes FAILED.
-  /// So often may a job be lost without progress if its workers are not known to have crashed because of it; see
+  /// A job may be lost this often without progress if its workers are not known to have crashed because of it; see
   /// kIsolating.
   int max_innocent_losses = 10;
   int max_running_of_peer = 0;  ///< How many jobs of one peer can be claimed at a time. 0: no limit.
-  /// The name of the directory that has the meshes of the jobs. A store that outlives its server, elsewhere than in the
-  /// server's directory, refuses a server with another one. Empty: this is not checked.
+  /// The name of the directory that has the meshes of the jobs. A store that outlives its server and lies outside the
+  /// server's directory refuses a server with another directory. Empty: this is not checked.
   std::string meshes = {};
 };
 
@@ -60,7 +60,7 @@ struct Claim {
   std::optional<CheckpointReference> checkpoint;  ///< The state that an earlier attempt has saved.
   std::string owner = {};                         ///< The owner of the job.
   std::string trace = {};                         ///< The place of the job in a trace, as a header "traceparent".
-  TimePoint submitted = {};                       ///< When the job was.
+  TimePoint submitted = {};                       ///< When the job was submitted.
   int lost = 0;  ///< Attempts since the last progress whose processes ended before their runs.
 };
 
@@ -91,8 +91,8 @@ struct Submission {
 
 /// Which jobs a worker would take now.
 struct ClaimFilter {
-  bool only_first = false;       ///< Only of a peer none of whose jobs runs.
-  bool needs_no_device = false;  ///< Only those that any server can take.
+  bool only_first = false;       ///< Only jobs of peers without a running job.
+  bool needs_no_device = false;  ///< Only jobs that any server can take.
 };
 
 /// Devices that servers lend to jobs.
@@ -194,11 +194,12 @@ class JobStore {
   bool shared() const;
   /// The process is about to end: no call waits any longer for the outcome of a change that cannot be asked for.
   void stop_waiting();
-  /// Calls `listener` when another process has changed something, from a thread of the store. Empty: no more; when this
-  /// returns, no call is under way. The news are hints: they may be late, or lost, and some are needless.
+  /// Calls `listener` when another process has changed something, from a thread of the store. An empty `listener` ends
+  /// this; when the function returns, no call is under way. The news are hints: they may be late, or lost, and some are
+  /// needless.
   void listen(std::function<void(const News&)> listener);
 
-  /// Stores a new job, or returns the job of the same owner and request, without events. ALREADY_EXISTS if that has
+  /// Stores a new job, or returns the job of the same owner and request, without events. ALREADY_EXISTS if this job has
   /// another spec. The limit of waiting jobs may be exceeded by the jobs that several processes submit at the same
   /// moment.
   Answer<Changed> submit(const Submission& submission);
@@ -207,7 +208,7 @@ class JobStore {
   /// jobs, or before the job that would make it larger than `filter.most_bytes`; it has at least one job.
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
   Answer<JobCounts> counts();
-  /// Returns when the job was submitted that has waited longest; nothing if none waits.
+  /// Returns when the job that has waited longest was submitted; nothing if no job waits.
   Answer<std::optional<TimePoint>> oldest_pending();
   /// Returns all events of state and quality, in order.
   Answer<std::vector<v1::JobEvent>> events(const std::string& name);
@@ -228,28 +229,28 @@ class JobStore {
 
   /// PENDING becomes CANCELLED, RUNNING becomes CANCELLING, every other state stays.
   Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence);
-  /// As request_cancel(), for a caller that does not know the last event number of a running job. In a shared store
-  /// such a job becomes CANCELLING without an event; see_cancel() adds it.
+  /// As request_cancel(), for a caller that does not know the last event number of a running job. In a shared store a
+  /// running job becomes CANCELLING without an event; see_cancel() adds it.
   Answer<Changed> ask_to_cancel(const std::string& name);
-  /// Adds the event of a cancel request that renew_lease() has told of, if it has none.
+  /// Adds the event of a cancel request that renew_lease() has told of, if the job has no such event.
   Answer<Changed> see_cancel(const Claim& claim, std::int64_t last_sequence);
   /// Takes jobs back from workers whose lease has expired, and all jobs from `worker`, which has just started and runs
   /// none. They become PENDING, or CANCELLED if that was requested, or FAILED after the last attempt. The jobs in
   /// `running` are not taken back: the caller runs them but could not renew their leases.
   Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running);
 
-  // Devices, in job_devices.cpp. Only the servers of a shared store have to tell each other of theirs; in other stores
-  // these calls do nothing.
-  /// Tells the other servers which devices `worker` lends. It counts for one lease time. A call that cannot reach the
+  // Devices, in job_devices.cpp. Only the servers of a shared store have to tell each other of their devices; in other
+  // stores these calls do nothing.
+  /// Tells the other servers which devices `worker` lends. This counts for one lease time. A call that cannot reach the
   /// database is skipped.
   Answer<void> note_devices(const std::string& worker, const LentDevices& devices);
-  /// Returns what all servers together lend, as each has told last.
+  /// Returns what all servers together lend, as each server last reported it.
   Answer<LentDevices> lent_devices();
-  /// If no server lends devices, tells the jobs that wait for one so: each gets a log line as an event, once.
+  /// If no server lends devices, tells this to the jobs that wait for a device: each gets a log line as an event, once.
   Answer<std::vector<Changed>> tell_of_missing_devices();
 
-  /// Claims the webhook that was to be called first, and returns its job, or nothing if none is to be called now. It is
-  /// claimed again after `patience` unless note_call() is called before that, since whoever calls it may be lost.
+  /// Claims the webhook that has been due longest, and returns its job, or nothing if no webhook is due. The webhook
+  /// can be claimed again after `patience` unless note_call() is called before, since its caller may be lost.
   Answer<std::optional<v1::Job>> claim_call(std::chrono::milliseconds patience);
   /// Records what came of the call, unless another outcome has ended it. NOT_FOUND if the job was deleted meanwhile.
   Answer<void> note_call(const std::string& name, const CallOutcome& outcome);
@@ -261,13 +262,13 @@ class JobStore {
   /// Deletes a job and releases everything that it refers to. FAILED_PRECONDITION if it has not ended. A damaged job is
   /// deleted too, and releases nothing, since nobody knows what it refers to.
   Answer<Changed> remove(const std::string& name);
-  /// Returns the names of all jobs that ended before `before`, except those among the `keep` of their owner that ended
-  /// last, and those whose webhook is still to be called. A call that was due a day ago counts no more: nobody makes
-  /// calls any longer.
+  /// Returns the names of all jobs that ended before `before`, except the last `keep` ended jobs of each owner, and
+  /// jobs whose webhook is still to be called. A call that has been due for a day does not count: no server makes calls
+  /// any more.
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before);
   /// Returns everything that jobs refer to.
   Answer<std::vector<Reference>> references();
-  /// Returns those of the digests that jobs refer to. A shared database answers this without looking at all jobs.
+  /// Returns the digests among these that jobs refer to. A shared database answers this without looking at all jobs.
   Answer<std::set<std::string>> referenced(const std::set<std::string>& digests);
   /// Returns the digests of the meshes and checkpoints of all jobs that have not ended.
   Answer<std::set<std::string>> needed_digests();

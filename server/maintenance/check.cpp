@@ -87,7 +87,7 @@ class Checker {
     }
     for (const JobRow& row : rows)
       if (!load_events(database, row))
-        found("The events of " + row.record.job.name() + " are damaged; its result is not touched by that.");
+        found("The events of " + row.record.job.name() + " are damaged; this does not affect its result.");
   }
 
   void note_references(const JobRecord& record) {
@@ -110,7 +110,7 @@ class Checker {
     if (path.extension() == ".owners" && is_sha256(path.stem().string())) return;
     const bool compressed = path.extension() == ".zst";
     const std::string digest = compressed ? path.stem().string() : name;
-    if (!is_sha256(digest)) return found("The file '" + name + "' is none of the server's.");
+    if (!is_sha256(digest)) return found("The file '" + name + "' does not belong to the server.");
     if (is_whole(path, compressed ? Form::Zstd : Form::Plain, digest)) {
       whole_.insert(digest);
       return;

@@ -86,7 +86,8 @@ int health(int argc, char** argv) {
 
 void describe_commands(CLI::App& app) {
   app.add_subcommand("check", "Compare everything in the state directory with its digests, while no server uses it");
-  app.add_subcommand("backup", "Copy the state directory, also while a server uses it; the copy is one too");
+  app.add_subcommand("backup",
+                     "Copy the state directory, also while a server uses it; the copy is a state directory too");
   app.add_subcommand("health", "Ask a server that has --metrics whether it accepts jobs");
 }
 

@@ -52,7 +52,7 @@ int connect_to(const std::string& host, const std::string& port, std::chrono::mi
 Expected<bool> is_ready(const std::string& address, std::chrono::milliseconds patience) {
   const auto colon = address.rfind(':');
   if (colon == std::string::npos || colon + 1 == address.size())
-    return bad_option("'" + address + "' is no address of the form HOST:PORT; name the one of --metrics.");
+    return bad_option("'" + address + "' is not HOST:PORT; give the address that the server has for --metrics.");
   std::string host = address.substr(0, colon);
   if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
   const Connection connection(connect_to(host, address.substr(colon + 1), patience));

@@ -19,8 +19,8 @@ struct Gauges {
   std::optional<double> oldest_pending_seconds;  ///< Age of the job that has waited longest; nothing: not known.
   std::optional<std::int64_t> store_bytes;       ///< Of all meshes and results; nothing: another server counts them.
   int waiting_calls = 0;                         ///< Webhooks that are to be called, now or later.
-  int devices = 0, busy_devices = 0;             ///< For jobs; those of them that a job has.
-  int jobs_on_devices = 0;                       ///< Jobs that have one.
+  int devices = 0, busy_devices = 0;             ///< Devices for jobs; how many of them a job has.
+  int jobs_on_devices = 0;                       ///< Jobs that have a device.
   bool ready = false;
 };
 

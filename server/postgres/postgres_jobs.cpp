@@ -103,14 +103,15 @@ Answer<void> PostgresJobs::check() {
   if (failed) return tl::unexpected(*failed);
   if (version > kPostgresVersion) return postgres_too_new(version);
   if (version < kPostgresVersion)
-    return internal_failure("The database has no tables of this version (theirs is " + std::to_string(version) +
-                            ", this program's is " + std::to_string(kPostgresVersion) +
-                            "); run varimeshd migrate with the same --store first.");
+    return internal_failure((version == 0 ? "The database has no tables"
+                                          : "The tables of the database have version " + std::to_string(version) +
+                                                ", and this server needs version " + std::to_string(kPostgresVersion)) +
+                            "; run varimeshd migrate with the same --store first.");
   if (meshes == settings_.meshes) return {};
   return internal_failure(
-      "The jobs of this database have their meshes in another directory; start the server with that one (--meshes, or "
-      "--state if no --meshes was given), or choose another database. After the meshes were restored to a new place, "
-      "the file 'name' must be there too.");
+      "The jobs of this database have their meshes in another directory; start the server with that directory "
+      "(--meshes, or --state if no --meshes was given), or choose another database. After the meshes were restored to "
+      "a new place, the file 'name' must be there too.");
 }
 
 std::optional<Failure> PostgresJobs::with_connection(const std::function<void(PostgresConnection&)>& work,

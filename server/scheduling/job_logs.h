@@ -25,7 +25,7 @@ class JobLogs {
   Answer<std::shared_ptr<EventLog>> of(const std::string& name);
   /// Returns the log of a job if there is one.
   std::shared_ptr<EventLog> find(const std::string& name) const;
-  /// Returns the log of a job that was just claimed. `events`: those of the claim, in case that the store fails.
+  /// Returns the log of a job that was just claimed. `events`: the events of the claim, in case the store fails.
   std::shared_ptr<EventLog> claimed(const std::string& name, std::vector<v1::JobEvent> events);
 
   /// Changes a job in the store and adds the events to its log. `change` gets the last event number in use.

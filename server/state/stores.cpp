@@ -53,12 +53,12 @@ Expected<void> check_not_lost(const StateDirectory& state) {
   std::error_code error;
   for (std::filesystem::directory_iterator at(state.meshes(), error), end; !error && at != end; at.increment(error))
     if (is_sha256(at->path().stem().string()))
-      return tl::unexpected(
-          Error{Error::Kind::Output,
-                "The directory '" + state.path().string() +
-                    "' has meshes, but its file jobs.sqlite is missing or empty, and without it they would be deleted; "
-                    "restore the file from a backup. If the jobs are in a database, name it (--store). If the jobs are "
-                    "not needed, move the folder 'meshes' away."});
+      return tl::unexpected(Error{
+          Error::Kind::Output,
+          "The directory '" + state.path().string() +
+              "' has meshes, but its file jobs.sqlite is missing or empty, and without it the meshes would be deleted; "
+              "restore the file from a backup. If the jobs are in a database, name it (--store). If the jobs are "
+              "not needed, move the folder 'meshes' away."});
   return {};
 }
 

@@ -13,7 +13,7 @@ namespace varimesh::server {
 
 /// The files of a server that encrypts, in PEM. All empty: it does not.
 struct TlsFiles {
-  std::string certificate;  ///< The server's certificate, followed by those that lead to its authority.
+  std::string certificate;  ///< The server's certificate, and then the certificates between it and its authority.
   std::string key;          ///< The private key of the certificate.
   std::string authority;    ///< Whose certificates clients must have (mutual TLS). Empty: clients need none.
 

@@ -38,7 +38,7 @@ class Page:
         os.close(theirs_in), os.close(theirs_out)
         self.input, self.output, self.buffer = ours_in, ours_out, b""
         self.errors, self.requests, self.answers, self.last, self.session = [], [], {}, 0, None
-        self.names_of_downloads, self.saved = {}, set()
+        self.names_of_downloads, self.saved, self.downloads = {}, set(), None
         targets = self.ask("Target.getTargets")["targetInfos"]
         target = next(one["targetId"] for one in targets if one["type"] == "page")
         self.session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -153,12 +153,15 @@ class Page:
 
     def downloaded(self, name, patience=30):
         """
-        The path of a file that the page saves, once the browser says that it is whole. A file of this name exists before: the
-        browser reserves the name with an empty one.
+        The path of a file that the page saves, once the browser says that it is whole. The file exists before that, empty: the
+        browser reserves its name.
         """
         deadline = time.monotonic() + patience
         while name not in self.saved:
-            self.listen(deadline)
+            assert time.monotonic() < deadline, f"{name} is not saved; there are {sorted(os.listdir(self.downloads))}"
+            self.value("1")  # which also reads what the browser tells
+            time.sleep(0.02)
+        self.saved.discard(name)
         return self.downloads / name
 
     def value(self, expression):

@@ -104,7 +104,7 @@ TEST(Geometry, MayBeTheOwnBoundaryOnEveryServer) {
     v1::JobSpec spec = service.spec_for(content_of("bracket_p3.msh"));
     spec.mutable_geometry()->set_slide_on(v1::Geometry::SLIDE_ON_BOUNDARY);
     spec.mutable_geometry()->set_snap(true);
-    EXPECT_TRUE(has(refusal_of(service, spec).error_message(), "slide_on is boundary"));
+    EXPECT_TRUE(has(refusal_of(service, spec).error_message(), "slide_on boundary cannot be combined"));
     spec.mutable_geometry()->set_snap(false);
     const v1::Job job = service.wait_for(service.submit(spec).name());
     ASSERT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.error().message();

@@ -70,7 +70,7 @@ void judge_layers(const HighOrderMesh& mesh, int threads, QualityReport& found) 
   team.run([&] { all = facets(mesh, team); });
   found.in_layers = layer_error(mesh, all, team);
   if (found.in_layers) return;
-  std::cerr << "varimesh: There is no error in layers, because "
+  std::cerr << "varimesh: The error in layers cannot be computed, because "
             << (found.uncertified.empty() ? "the mesh has no layers of thin elements at a wall"
                                           : "the mesh has no layers of thin elements at a wall that are all valid")
             << ".\n";

@@ -185,7 +185,7 @@ int serve(const UiFlags& flags) {
     is_open = true;
     const std::string address = found[1].str() + "#token=" + token;
     std::cout << address << std::endl;
-    std::cerr << "Open this address in a browser. Nobody else on this machine can use it without what follows '#'. "
+    std::cerr << "Open this address in a browser. Without the part after '#', nobody else on this machine can use it. "
                  "Ctrl-C ends the server"
               << (keeps_jobs ? "; its jobs stay." : ", and its jobs with it.") << std::endl;
     if (!flags.only_prints) open_browser(address, folder.path());
@@ -203,7 +203,7 @@ Action add_ui(Command program) {
       "ui", "Open a page in a browser: look at a mesh, optimise it and download the result; with a server of your own");
   command
       .add("--page", &flags->page,
-           "Open the page of a server that is there (varimeshd --http), such as http://127.0.0.1:8080/; the page gets "
+           "Open the page of a running server (varimeshd --http), such as http://127.0.0.1:8080/; the page gets "
            "the token in VARIMESH_TOKEN or VARIMESH_TOKEN_FILE")
       .value("ADDRESS");
   command

@@ -97,9 +97,9 @@ class Client:
         .pyfrm, or .html for a report). The result also has its mesh in arrays, unless
         `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
         For a mesh in arrays, numbers in options and reports count from 0. `geometry` is a CAD model on which boundary nodes
-        slide first, on a server that takes geometries. `layers` says into which layers thick cells at walls are split in the
-        end. With `keep_orders`, elements of a file that came at a lower order than others are written so again, where this
-        loses nothing and the format can hold it.
+        slide first, on a server that takes geometries. `layers` says into which layers thick cells at walls are split after
+        the optimisation. If a file has elements of several orders, `keep_orders` writes each at the order at which it came,
+        if that loses nothing and the format can hold it.
 
         Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption, BadMesh or BadOutput. It
         is no error if elements of the result are not certified valid; `result.valid` says whether all are.

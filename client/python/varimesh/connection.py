@@ -319,8 +319,9 @@ class Connection:
                     self._raise_if_not_let_in()
                 heard = "asked"
             if time.monotonic() > deadline and self._encrypted:
-                raise ServerUnreachable(f"There is no server at {self.address} that TLS leads to ({self._why()}); check the "
-                                        "address, and that the server's certificate is for it and comes from the authority.")
+                raise ServerUnreachable(f"There is no server at {self.address} that answers with TLS ({self._why()}); check the "
+                                        "address, and that the server's certificate is for this address and comes from "
+                                        "the authority.")
             if time.monotonic() > deadline:
                 raise ServerUnreachable(f"There is no server at {self.address}; start varimeshd there, or name another.")
         self._met = True
@@ -330,8 +331,8 @@ class Connection:
         why = self._why()
         # A server of gRPC closes the connection without a word if it does not accept the client's certificate.
         if "Socket closed" in why or "Connection reset" in why:
-            raise ServerUnreachable(f"The server at {self.address} wants a certificate of yours that comes from an authority that "
-                                    "it knows and has not expired; name it with `certificate` and `key`.")
+            raise ServerUnreachable(f"The server at {self.address} asks for a client's certificate that has not expired, from "
+                                    "an authority that the server knows; name the certificate with `certificate` and `key`.")
         if "handshake failed" in why or "peer certificate" in why:
             raise ServerUnreachable(f"The certificate of the server at {self.address} is not for this address, has expired, or "
                                     f"does not come from the authority ({why}); check the address and `authority`.")

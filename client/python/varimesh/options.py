@@ -40,7 +40,7 @@ class Geometry:
     smooth_angle: float = 0.0
     tolerance: float = 0.0  #: that of --geometry-tolerance, only with slide="coupled"
     slide_on: Literal["model", "boundary"] = "model"
-    growth: float = 1.5  #: with repair="refine": how many times as many elements the mesh may have
+    growth: float = 1.5  #: with repair="refine": most elements of the mesh, divided by their number in the input
     order: int = 0  #: if set, the mesh is of order 1, and is first curved with this order, as by 'varimesh curve'
 
     def to_message(self) -> job_pb2.Geometry:
@@ -60,7 +60,7 @@ class Layers:
     walls: str | Iterable[str]  #: groups of boundary elements, by name or by tag
     layers: int = 0
     first: float = 0.0  #: height of the layer at the wall, in the mesh's unit of length
-    growth: float = 0.0  #: height of each layer over the height of the one below
+    growth: float = 0.0  #: height of each layer divided by the height of the layer below it
     heights: Iterable[float] = ()
     rows: int = 1
     spacing: Literal["even", "graded"] = "graded"
@@ -81,8 +81,8 @@ class LayersReport:
 
     wall_elements: int
     columns: int  # edges that rise from the wall
-    layers: int  # in each column, without a cell that is left
-    leaves_cells: bool  # whether the layers leave a part of the thick cells, which is one more cell
+    layers: int  # in each column, not counting a cell that remains above them
+    leaves_cells: bool  # whether a part of each thick cell remains above the layers, as one more cell
     split: int  # cells that were split
     split_beside: int  # of these, cells beside the wall, split so that the mesh conforms
     elements_before: int
@@ -94,7 +94,7 @@ class LayersReport:
     stretched: float  # by how much of its height a layer differs from what was wanted, with several rows
     thick: Quality  # the quality of the mesh before it was split
     grown: tuple[float, float] | None  # the thickness of the row of cells that was grown; None: none was
-    full_share: float  # the share of the walls' area on which that is what was asked for
+    full_share: float  # the share of the walls' area with the thickness that was asked for
 
 
 def layers_report_of(message: optimise_pb2.LayersReport, thick: Quality) -> LayersReport:

@@ -191,14 +191,12 @@ class ServerInfo:
     def check(self, *, geometry: bool = False, layers: bool = False, keep_orders: bool = False) -> None:
         """Raises BadOption if a job asks for what the server does not know. An old server would leave it out without a word."""
         if geometry and not self.takes_geometries:
-            raise BadOption("This server takes no geometries: it has no OpenCASCADE, runs jobs in its own process, or is older "
-                            "than they are. Use another one, or let 'varimesh optimise --geometry' slide the nodes.")  # fmt: skip
+            raise BadOption("This server takes no geometries: it has no OpenCASCADE, runs jobs in its own process, or is too "
+                            "old for them. Use another one, or let 'varimesh optimise --geometry' slide the nodes.")  # fmt: skip
         if layers and not self.takes_layers:
-            raise BadOption("This server makes no layers, because it is older than they are. Use another one, or split the "
-                            "result with 'varimesh layers'.")  # fmt: skip
+            raise BadOption("This server is too old for layers. Use another one, or split the result with 'varimesh layers'.")
         if keep_orders and not self.keeps_orders:
-            raise BadOption("This server keeps no orders, because it is older than keep_orders. Use another one, or "
-                            "'varimesh optimise --keep-orders'.")  # fmt: skip
+            raise BadOption("This server is too old for keep_orders. Use another one, or 'varimesh optimise --keep-orders'.")
 
 
 def state_name(number: int) -> str:

@@ -146,7 +146,7 @@ def download(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, dig
                 error = raised
         patience.again(error)
     if came.hexdigest() != digest:
-        raise ServerUnreachable("The bytes received are not those of the mesh; fetch it again.", "DIGEST_MISMATCH")
+        raise ServerUnreachable("The mesh arrived damaged; fetch it again.", "DIGEST_MISMATCH")
 
 
 def write_file(path: str | os.PathLike[str], fill: Callable[[Callable[[bytes], object]], None]) -> None:

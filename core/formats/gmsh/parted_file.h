@@ -45,8 +45,8 @@ class PartedFile {
   Wanted one_of_each_block() const;
 
   /// The mesh of these elements and of their nodes, in the order of the file, with the file's numbers but without
-  /// groups, entities and periodic links. Errors: BadInput, with the place in the file. The thread that calls reads;
-  /// the memory is that of the part, twice.
+  /// groups, entities and periodic links. Errors: BadInput, with the place in the file. The calling thread reads.
+  /// Reading takes twice the memory of the part.
   /// @param places if not null, receives the place of each node among all nodes of the file
   Expected<HighOrderMesh> read(const Wanted& wanted, int threads, std::vector<std::int64_t>* places) const;
 

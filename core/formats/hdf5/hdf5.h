@@ -1,5 +1,5 @@
-// The formats that are HDF5 files: HOPR, CGNS and PyFR. A program of its own reads and writes them (core/hdf), so that
-// a damaged or hostile file harms only this program. Internal to core/formats.
+// The formats that are HDF5 files: HOPR, CGNS, PyFR and Exodus. A program of its own reads and writes them (core/hdf),
+// so that a damaged or hostile file harms only this program. Internal to core/formats.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ namespace varimesh::formats {
 /// Whether the bytes begin like an HDF5 file, or like a netCDF file of an older kind, which the program reads as well.
 bool begins_like_hdf5(std::string_view bytes);
 
-/// Reads a mesh of HOPR or a CGNS file. What the program answers is checked (mesh_bytes.h). Throws ReadFailure and
+/// Reads a file of HOPR, CGNS or Exodus. What the program answers is checked (mesh_bytes.h). Throws ReadFailure and
 /// Interrupted.
 Expected<MeshFile> read_hdf5(std::string_view bytes, const Team& team);
 

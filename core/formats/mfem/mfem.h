@@ -42,7 +42,7 @@ struct MfemNodes {
 };
 /// Notes them in the mesh.
 void remember_mfem_nodes(HighOrderMesh& mesh, const MfemNodes& nodes);
-/// Those that were noted, if the mesh still has the order and only shapes of the space; otherwise those of
+/// What was noted, if the mesh still has the order and only shapes of the space; otherwise the nodes of
 /// default_mfem_space(), with as many components as the mesh needs.
 MfemNodes mfem_nodes_of(const HighOrderMesh& mesh);
 

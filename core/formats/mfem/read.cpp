@@ -205,8 +205,7 @@ void read_space(MfemReading& reading) {
   if (std::size_t(reading.vertices) * std::size_t(reading.nodes.components) > scan.left())
     scan.fail_truncated("the coordinates of all vertices");
   if (!versioned) return;
-  if (peek_word(scan).starts_with("NURBS"))
-    scan.fail("the nodes are those of NURBS; save the mesh after Mesh::SetCurvature(order)");
+  if (peek_word(scan).starts_with("NURBS")) scan.fail("it is a NURBS mesh; save it after Mesh::SetCurvature(order)");
   expect(scan, "End:");
   scan.line();
 }

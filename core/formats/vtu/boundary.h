@@ -18,11 +18,11 @@ namespace varimesh::formats {
 /// with the same side; −1 if there is none.
 std::vector<std::int64_t> cells_of_boundary(const HighOrderMesh& mesh);
 
-/// How many cells of the file an element of the block is.
+/// How many cells the file has for an element of the block.
 std::size_t pieces_of(const HighOrderMesh& mesh, const ElementBlock& block);
 /// The number of a piece that goes on where the one before it ends.
 inline constexpr std::int64_t kNextPiece = 0;
-/// The cells that a line of this order is: the nodes of all pieces.
+/// The cells that the file has for a line of this order: the nodes of all pieces.
 VtkCell vtk_pieces(int order);
 
 /// Joins the pieces of lines. Other lines of order 1 in a mesh of dimension 2 get the nodes of the edge of a cell of

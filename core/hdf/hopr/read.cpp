@@ -79,11 +79,17 @@ class Reading {
       root_.fail("ElemInfo", "has the zone " + std::to_string(zone) + ", which is no number of a zone", row);
     const int nodes = reference::node_count(shape, mesh_.order);
     if (values[4] != node_rows_ || values[5] != node_rows_ + nodes)
-      root_.fail("ElemInfo", "gives an element other rows of nodes than those after the element before it", row);
+      root_.fail("ElemInfo",
+                 "gives an element too many or too few rows of nodes, or rows that do not follow the rows of the "
+                 "element before it",
+                 row);
     const auto sides = std::int64_t(cgns_sides(shape).size());
     if (values[3] - values[2] > sides) root_.fail("ElemInfo", kMortars, row);
     if (values[2] != side_rows_ || values[3] != side_rows_ + sides)
-      root_.fail("ElemInfo", "gives an element other rows of sides than those after the element before it", row);
+      root_.fail("ElemInfo",
+                 "gives an element too many or too few rows of sides, or rows that do not follow the rows of the "
+                 "element before it",
+                 row);
     node_rows_ += nodes;
     side_rows_ += sides;
     if (node_rows_ > kMostNodes || row >= kMostCells) root_.fail("ElemInfo", "has too many elements");

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "core/base/team.h"
 #include "core/mesh/connectivity.h"
@@ -17,24 +18,31 @@ namespace varimesh {
 ///     u_k = exp(−n/δ_k),   δ_k = 2ᵏ h ≤ H,   k = 0, 1, …
 ///
 /// are as thin as the first layer, as thick as all layers, and in between: h is the height of the first layer above a
-/// facet of the wall and H that of all layers there. Inside an element n is the polynomial through the distances of its
-/// nodes. I u interpolates at the nodes, so ∇(u − I u) is what an element of this shape cannot hold: because its nodes
-/// do not lie on surfaces parallel to the wall, because of how they are spaced across the layer, or because of its
-/// height. With sums over the facets f of the walls and integrals over the elements above each,
+/// facet of the wall, and H is the height of all layers there. I u interpolates at the nodes, so ∇(u − I u) is what an
+/// element of this shape cannot hold: because its nodes do not lie on surfaces parallel to the wall, because of how
+/// they are spaced across the layer, or because of its size. With sums over the facets f of the walls and integrals
+/// over the elements above each,
 ///
 ///     e_k² = Σ_f δ_k ∫|∇(u_k − I u_k)|² / Σ_f δ_k ∫|∇u_k|²,   e² = mean of e_k² over k.
+///
+/// Some solutions are nearly linear at the wall and end within a few δ, such as Blasius' profile. A mesh may hold all
+/// exponentials better and these worse. So e_k is also computed for erfc(n/δ_k).
 ///
 /// It does not change if the mesh is moved, turned or scaled. The loss of accuracy (core/quality/accuracy) is about
 /// waves and has another opinion about layers: it counts as a loss that an element follows the wall. docs/accuracy.md
 /// compares both with the error of a solver.
 struct LayerError {
-  double error = 0;        ///< e; 0 if the layers hold all these profiles exactly.
-  std::int64_t cells = 0;  ///< Elements in layers.
+  double error = 0;                 ///< e, of the exponentials only.
+  std::int64_t cells = 0;           ///< Elements in layers.
+  std::vector<double> of_profiles;  ///< e_k of exp and of erfc in turn, from the thinnest on.
 };
 
 /// Nothing if the mesh has no layers of thin elements at a wall, or if the Jacobian of an element in a layer is not
 /// positive at a point of quadrature. Flat walls count in a mesh without layers at a curved one. Do not call it inside
 /// team.run(). The team's token may interrupt it.
-std::optional<LayerError> layer_error(const HighOrderMesh& mesh, const Facets& facets, const Team& team);
+/// @param as_it_came  if it is not null, its layers and profiles count, so that the errors of both meshes can be
+///                    compared: it has the same elements, and its nodes lie elsewhere, but not those of the wall
+std::optional<LayerError> layer_error(const HighOrderMesh& mesh, const Facets& facets, const Team& team,
+                                      const HighOrderMesh* as_it_came = nullptr);
 
 }  // namespace varimesh

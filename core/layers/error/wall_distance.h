@@ -1,4 +1,4 @@
-// How far nodes of layers lie from their wall. Internal to core/layers.
+// How far points of layers lie from their wall, and in which direction. Internal to core/layers.
 #pragma once
 
 #include <vector>
@@ -14,14 +14,20 @@ class WallDistance {
   /// Both must outlive the object.
   WallDistance(const HighOrderMesh& mesh, const Columns& columns);
 
-  /// The distance of a point from the wall near a facet: to the nearest point of the facet, or of the facets that share
-  /// a vertex with it if that lies on its border. In the mesh's unit of length, never negative. Threads may call it.
-  double distance(const Eigen::Vector3d& point, std::int32_t facet) const;
+  /// A point's distance from the wall, in the mesh's unit of length and never negative, and the gradient of the
+  /// distance there: a unit vector away from the wall, or 0 at a point of the wall.
+  struct Distance {
+    double value = 0;
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  };
+  /// The distance from the wall near a facet: from the nearest point of the facet, or of the facets that share a vertex
+  /// with it if the point lies beside the facet. Threads may call it.
+  Distance distance(const Eigen::Vector3d& point, std::int32_t facet) const;
 
  private:
   struct Foot {
-    double distance;
-    bool on_border;
+    Distance distance;
+    bool leans = false;  ///< The point lies beside the facet, whose nearest point is on its border.
   };
   Foot foot(const Eigen::Vector3d& point, std::int32_t facet) const;
 

@@ -17,8 +17,8 @@
 namespace varimesh::detail {
 
 /// A side is a smooth part of the boundary, or of an interface, that is not on a wall but ends at one: a curve in the
-/// plane, a surface in space. Its shape is that of the model, or else that of the mesh as it came. There are no sides
-/// if all facets at which the walls end are plane.
+/// plane, a surface in space. Its shape comes from the model, or else from the mesh as it came. There are no sides if
+/// all facets at which the walls end are plane.
 class CurvedSides {
  public:
   /// Keeps a reference to the model. Call it inside team.run().

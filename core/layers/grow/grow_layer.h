@@ -17,10 +17,11 @@ struct Association;
 /// A mesh with a row of thick cells on its walls.
 struct GrownLayer {
   HighOrderMesh mesh;
-  std::array<double, 2> thickness{};  ///< The smallest and the largest, in the mesh's unit of length.
-  double full_share = 0;              ///< The share of the walls' area on which it is within 5 % of what was asked for.
-  std::string sentence;               ///< For humans: how thick it is, and where it is thinnest.
-  ThicknessShares shares;             ///< At each vertex of the walls.
+  std::array<double, 2> thickness{};  ///< The smallest and the largest thickness, in the mesh's unit of length.
+  /// The share of the walls' area on which the thickness is within 5 % of what was asked for.
+  double full_share = 0;
+  std::string sentence;    ///< For humans: how thick it is, and where it is thinnest.
+  ThicknessShares shares;  ///< At each vertex of the walls.
 };
 
 /// Puts a row of quadrilaterals, prisms or hexahedra on the boundary elements of the walls, along directions that see
@@ -44,8 +45,7 @@ struct GrownLayer {
 /// @param model      the mesh with the CAD model that it was made from: the normals of the walls, and the shape of
 ///                   curved boundaries at which they end, are those of the model. Null: there is none
 /// @param asked      whether somebody asks for the end, as the team's token does; after the time limit only this
-/// counts.
-///                   May be empty
+///                   counts. May be empty
 Expected<GrownLayer> grow_layer(const CheckedMesh& mesh, std::span<const std::string> walls, double thickness,
                                 const Team& team, const Association* model = nullptr,
                                 const std::function<bool()>& asked = {});

@@ -95,8 +95,8 @@ Expected<CutElement> ElementCutter::cut(const ElementBlock& block, std::size_t e
   }
   if (covered != count || !can_cut(block.shape, axes))
     return bad_input(name_of(block, element) +
-                     " lies at the end of the layers, and they would cut more of its edges than such an element can be "
-                     "split along. Let the layers end at a boundary, or at quadrilaterals or hexahedra.");
+                     " lies at the end of the layers, and the layers would cut more of its edges than such an element "
+                     "can be split along. Let the layers end at a boundary, or at quadrilaterals or hexahedra.");
   std::unique_ptr<CutPattern>& pattern = patterns_[name];
   if (!pattern) {
     std::vector<CutAxis> of_pattern;

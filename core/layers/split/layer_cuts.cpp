@@ -155,7 +155,7 @@ class Cutter {
 
   tl::unexpected<Error> overlap(const Column& column) const {
     return bad_input("The layers " + at_node(column) +
-                     " reach cells into which other layers of the wall lead, in another row. Ask for fewer rows, or "
+                     " reach cells that other layers of the wall reach in another row. Ask for fewer rows, or "
                      "split the walls one after another.");
   }
 

@@ -9,7 +9,7 @@
 namespace varimesh::detail {
 namespace {
 
-/// The height of `layers` layers over the height of the first one.
+/// The height of `layers` layers together, divided by the height of the first one.
 double sum_of(int layers, double growth) {
   const double rate = std::log(growth);
   return std::abs(rate) < 1e-9 ? layers : std::expm1(layers * rate) / std::expm1(rate);

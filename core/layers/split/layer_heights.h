@@ -7,13 +7,12 @@
 
 namespace varimesh::detail {
 
-/// The number of layers, without the cell that may be left. `column` is the height of a typical column.
+/// The number of layers, not counting a cell that remains above them. `column` is the height of a typical column.
 int number_of_layers(const LayerOptions& wanted, double column);
 
-/// The heights of `layers` layers in a column of this height, from the wall. If the layers do not fill columns, they
-/// are the given ones. Empty if the column is not high enough. In
-/// a column that was grown (LayerOptions::grow), given heights are in proportion to its height, and layers that do not
-/// fit are equally high.
+/// The heights of `layers` layers in a column of this height, from the wall. If the layers do not fill columns, these
+/// are the given heights. Empty if the column is not high enough. In a column that was grown (LayerOptions::grow),
+/// given heights are in proportion to its height, and layers that do not fit are equally high.
 std::vector<double> heights_in_column(const LayerOptions& wanted, int layers, double column);
 
 }  // namespace varimesh::detail

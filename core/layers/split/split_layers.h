@@ -15,8 +15,8 @@ namespace varimesh {
 struct LayerSplitReport {
   std::int64_t wall_elements = 0;
   std::int64_t columns = 0;   ///< Edges that rise from the wall.
-  int layers = 0;             ///< In each column, without a cell that is left.
-  bool leaves_cells = false;  ///< Whether the layers leave a part of the rows, which is one more cell.
+  int layers = 0;             ///< In each column, not counting a cell that remains above them.
+  bool leaves_cells = false;  ///< Whether a part of the rows remains above the layers, as one more cell.
   std::int64_t split = 0;     ///< Cells that were split,
   std::int64_t beside = 0;    ///< and those of them that are not in the rows, split so that the mesh conforms.
   std::int64_t cells_before = 0, cells_after = 0;
@@ -50,14 +50,15 @@ struct SplitLayers {
 ///
 /// Heights are measured along the normal of the wall at its vertices, and along the edge itself where the wall is sharp
 /// or the edge leans by more than 60°. In thick cells that were grown (LayerOptions::grow) they are measured along the
-/// normal there, too; where the wall is sharp, it is that of the element that leans most against the edge.
+/// normal there, too; where the wall is sharp, this is the normal of the wall element that makes the largest angle with
+/// the edge.
 ///
 /// If all cells that are split are certified valid, but not all of their parts, then layers get the same share of every
 /// edge instead, and an even spacing, if fewer parts are left by that. Exact parts of valid cells are valid.
 ///
 /// With LayerOptions::simplices, all cells are cut into simplices in the end (core/mesh/changes/to_simplices.h).
 ///
-/// If the thick cells were grown for want of any (LayerOptions::grow), layers are lower where they do not fit.
+/// In thick cells that were grown (LayerOptions::grow), layers get lower where they would not fit.
 ///
 /// The result does not depend on the number of threads. Do not call it inside team.run(). Errors: BadOption and
 /// BadInput, for heights that are no heights or higher than the cells, walls that do not exist, and cells that cannot

@@ -21,7 +21,8 @@ struct WallColumn {
   std::vector<Eigen::Vector3d> normals;  ///< Of the elements of the wall around the vertex.
   double size = 0;                       ///< The length of the shortest edge of the wall there.
 
-  /// The normal of the wall, or where it has a sharp edge, that of the element that leans most against a direction.
+  /// The normal of the wall; at a sharp edge, the normal of the wall element that makes the largest angle with
+  /// `direction`.
   Eigen::Vector3d normal_seen_least(const Eigen::Vector3d& direction) const;
 };
 

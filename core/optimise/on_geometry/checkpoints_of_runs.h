@@ -1,4 +1,4 @@
-// The checkpoints of several runs on one mesh, of which each may begin with other places of its nodes. Internal to
+// The checkpoints of several runs on one mesh. Each run may begin with other places of the nodes. Internal to
 // core/optimise.
 #pragma once
 
@@ -11,14 +11,14 @@
 
 namespace varimesh {
 
-/// A checkpoint has the last checkpoint of each run that is finished, and that of the run under way. What went on from
-/// it makes the same runs again: those that were finished go on from their last checkpoints.
+/// A checkpoint has the last checkpoint of each finished run, and the last one of the run under way. A caller that goes
+/// on from it makes the same runs again: each finished run goes on from its last checkpoint.
 class CheckpointsOfRuns {
  public:
   /// `asked` is what the caller asks for; it must outlive the object. A checkpoint that is not of this kind is ignored.
   explicit CheckpointsOfRuns(const RunControl& asked);
 
-  /// What the next run is asked.
+  /// The control of the next run.
   /// @param numbered  the run's iteration as the caller sees it
   /// @param is_same   whether the run has the mesh that it had when a checkpoint was made
   RunControl control_of_next(std::function<Iteration(Iteration)> numbered, bool is_same);

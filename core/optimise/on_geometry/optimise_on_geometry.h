@@ -21,18 +21,18 @@ struct Geometry;
 struct SlideTrial {
   enum class Outcome : std::uint8_t {
     Running,   ///< It has begun.
-    Taken,     ///< Its mesh is better than the best before, and takes its place.
-    NoBetter,  ///< The best mesh before stays.
-    Failed,    ///< `error` says why. The best mesh before stays.
-    Stopped,   ///< The caller ended it. The best mesh before stays.
+    Taken,     ///< Its mesh is better than the best mesh so far, and takes its place.
+    NoBetter,  ///< The best mesh so far stays.
+    Failed,    ///< `error` says why. The best mesh so far stays.
+    Stopped,   ///< The caller ended it. The best mesh so far stays.
   };
   SlideOn slide = SlideOn::None;
   Outcome outcome = Outcome::Running;
-  /// The elements of the best mesh before that are not certified valid, and its smallest scaled Jacobian: the reason
-  /// for the trial.
+  /// The elements of the best mesh before the trial that are not certified valid, and the smallest scaled Jacobian of
+  /// this mesh: the reason for the trial.
   std::int64_t left_before = 0;
   double min_scaled_jacobian_before = 0;
-  /// The same of the mesh of the trial, if it is Taken or NoBetter.
+  /// The same figures of the trial's mesh, if the trial is Taken or NoBetter.
   std::int64_t left = 0;
   double min_scaled_jacobian = 0;
   std::string error;
@@ -49,8 +49,8 @@ struct OnGeometryHooks {
 };
 
 struct ResultOnGeometry {
-  /// `seconds` and `proof_seconds` are those of all runs, and `seconds` counts sliding and reading the model. `before`,
-  /// `iterations` and `history` are those of the run that the mesh comes from.
+  /// `seconds` and `proof_seconds` are sums over all runs, and `seconds` counts sliding and reading the model.
+  /// `before`, `iterations` and `history` belong to the run whose mesh is the result.
   Result result;
   /// What came of sliding in this run. Nothing if no node was to slide, or if sliding was stopped.
   std::optional<SlidAndMeasured> slid;
@@ -65,8 +65,8 @@ struct ResultOnGeometry {
 /// - If elements are left that are not certified valid, or have a scaled Jacobian below .02, and SlideOn::Auto lets
 ///   this function choose, a mesh of volume elements as it came is optimised with SlideOn::Coupled too.
 /// - If elements are still left that are not certified valid, it is optimised with SlideOn::None too.
-/// The result with the fewest elements left is taken, of several the first. If none was left before all nodes moved
-/// together, it is the one with the larger smallest scaled Jacobian.
+/// The result with the fewest elements left is taken, of several the first. If no element was left before all nodes
+/// moved together, the result with the larger smallest scaled Jacobian is taken.
 ///
 /// On the mesh's own boundary, the mesh is optimised with its boundary as it came too. Of two results with as many
 /// elements left, the one with the larger smallest scaled Jacobian is taken.
@@ -90,7 +90,7 @@ Expected<ResultOnGeometry> optimise_on_geometry(HighOrderMesh mesh, const Option
                                                 const OnIteration& on_iteration = {}, const RunControl& control = {},
                                                 const OnGeometryHooks& hooks = {});
 
-/// The bytes that optimise_on_geometry() has in use at most, but for the model: an estimate, as memory_needed().
+/// The bytes that optimise_on_geometry() has in use at most, except for the model: an estimate, as memory_needed().
 std::int64_t memory_needed_on_geometry(const HighOrderMesh& mesh, const Options& options,
                                        const GeometryOptions& geometry);
 

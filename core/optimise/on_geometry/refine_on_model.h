@@ -26,7 +26,7 @@ struct Geometry;
 struct Refinement {
   std::size_t edges = 0;           ///< How many were split.
   std::size_t swapped = 0;         ///< How many were swapped.
-  bool is_full = false;            ///< The mesh may not grow as far as it would have.
+  bool is_full = false;            ///< Refining would have split more, but the mesh may not grow so far.
   std::set<std::string> surfaces;  ///< At which surfaces of the model, as Surface::number_text().
   std::vector<RepairStep> steps;   ///< One for each edge.
 };
@@ -44,17 +44,17 @@ Expected<std::size_t> refine_on_model(HighOrderMesh& mesh, const GeometryOptions
                                       const geometry::Geometry& model, const std::vector<std::int64_t>& wanted,
                                       std::size_t most_cells, Refinement& done);
 
-/// The steps without those that left something.
+/// The steps without RepairStep::Kind::Left.
 std::vector<RepairStep> splits_of(std::vector<RepairStep> steps);
 
-/// The best mesh so far gives way to one that was made from it. What is said about the mesh as it came stays.
+/// Replaces the best mesh so far by a mesh that was made from it. What is said about the mesh as it came stays.
 void take_refined(ResultOnGeometry& best, Result&& other, std::optional<SlidAndMeasured>&& slid);
 
 /// Sentences for a person: what refining has done, whether it ended because the mesh may not have more elements, and
 /// whether the boundary lies farther from the model now. Empty if there is nothing to say.
 /// @param done     nothing: the best mesh was not refined
 /// @param came     the mesh as it came
-/// @param full_at  how many it may have, if refining ended there; else 0
+/// @param full_at  how many cells the mesh may have, if refining ended at this limit; else 0
 /// @param slid     what came of sliding; null: not known
 std::string refining_sentence(const std::optional<Refinement>& done, const HighOrderMesh& came, const Result& best,
                               std::size_t full_at, const SlideReport* slid);

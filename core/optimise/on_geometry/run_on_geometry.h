@@ -19,7 +19,7 @@ inline constexpr double kNoTime = 1e-9;
 /// What one run does.
 struct RunTask {
   SlideOn slide = SlideOn::None;
-  /// Of the time that is left. If it is not all of it, another run may follow.
+  /// The run's share of the time that is left. If it is below 1, another run may follow.
   double share = 1;
   /// The mesh comes from another run, so it is neither snapped nor curved.
   bool is_curved = false;
@@ -35,7 +35,7 @@ struct RunOnGeometry {
   std::optional<SlidAndMeasured> slid;
   /// Why no node has slid. Then a run that is not the first has no result.
   StopToken::Reason cut_short = StopToken::Reason::None;
-  /// Time is short and another run may follow. So this one has left elements without lowering the loss of accuracy, or
+  /// Time is short and another run may follow. So this run has left elements without lowering the loss of accuracy, or
   /// it was ended when its share was over.
   bool is_unfinished = false;
 };
@@ -62,7 +62,8 @@ class RunsOnGeometry {
   /// @param options  `time_limit` is for all runs together
   Expected<RunOnGeometry> run(HighOrderMesh mesh, Options options, const RunTask& task);
 
-  /// Of the time limit, in seconds. Runs that go on from a checkpoint have spent more than has passed since.
+  /// How much of the time limit is spent, in seconds. Runs that go on from a checkpoint have spent more than has passed
+  /// since.
   double spent() const { return std::max(spent_, watch_.seconds()); }
   /// As RunSummary::proof_seconds, of all runs that have ended.
   double proof_seconds() const { return proof_seconds_; }

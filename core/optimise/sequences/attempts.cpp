@@ -189,7 +189,7 @@ class Attempts {
   }
 
   bool should_take(const Result& other, const Result& so_far) const {
-    if (loses_layers(result_.before, other.after, set_up_.options, set_up_.layers.thinnest)) return false;
+    if (loses_layers(result_.before, other.after, set_up_.options)) return false;
     const bool came_valid = result_.before.uncertified.empty();
     Asked asked = set_up_.options.objective == Objective::Worst ? kAskForMinimum : Asked{};
     if (came_valid) {
@@ -255,7 +255,7 @@ class Attempts {
       try_ways(**prepared, pass_on, control, stop_, result, false);
     // A set-up for another objective looks for no layers.
     if (order == 0 && result_.before.in_layers && !result.after.in_layers)
-      result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads));
+      result.after.in_layers = layer_error(result.mesh, set_up_.facets, Team(set_up_.options.threads), &set_up_.mesh);
     for (const Iteration& iteration : result.history) result_.history.push_back(numbered_through(iteration));
     result_.iterations += result.iterations;
     result_.proof_seconds += result.proof_seconds;
@@ -307,8 +307,7 @@ class Attempts {
   void take(Result best, const Way& way) {
     const std::string before = outcome_text(result_), after = outcome_text(best);
     std::optional<Result> whole = run_from(best.mesh);
-    const bool may_take =
-        whole && !loses_layers(result_.before, whole->after, set_up_.options, set_up_.layers.thinnest);
+    const bool may_take = whole && !loses_layers(result_.before, whole->after, set_up_.options);
     if (may_take && !should_take(best, *whole)) best = std::move(*whole);
     if (has_stayed(set_up_, result_)) result_.notes.clear();  // they say that nothing was moved
     result_.notes.push_back("By the run's own way, " + before + ". With " + way.name + ", " + after +

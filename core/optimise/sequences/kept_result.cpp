@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -71,6 +72,15 @@ void list_state(Archive& archive, std::vector<T>& list) {
   }
 }
 
+/// Keeps whether there is a value, and makes one to read into.
+template <class Archive, class T>
+bool has_value(Archive& archive, std::optional<T>& maybe) {
+  bool has = maybe.has_value();
+  archive(has);
+  if (has && !maybe) maybe.emplace();
+  return has;
+}
+
 template <class Archive>
 void state(Archive& archive, QualityReport& report) {
   CertificateSummary& certified = report.certified;
@@ -80,11 +90,9 @@ void state(Archive& archive, QualityReport& report) {
   state(archive, report.histogram);
   list_state(archive, report.invalid);
   list_state(archive, report.uncertified);
-  bool has_accuracy = report.accuracy.has_value();
-  archive(has_accuracy);
-  if (!has_accuracy) return;
-  if (!report.accuracy) report.accuracy.emplace();
-  archive(report.accuracy->loss, report.accuracy->modal_parts);
+  if (has_value(archive, report.accuracy)) archive(report.accuracy->loss, report.accuracy->modal_parts);
+  if (has_value(archive, report.in_layers))
+    archive(report.in_layers->error, report.in_layers->cells, report.in_layers->of_profiles);
 }
 
 template <class Archive>

@@ -9,9 +9,9 @@
 
 namespace varimesh {
 
-/// The bytes of a result of optimise(). They leave out its connectivity, which is that of the mesh that was optimised,
-/// and what concerns several runs together: `before`, `left`, `seconds`. Nothing, if the mesh was refused, has bytes
-/// too.
+/// The bytes of a result of optimise(). They leave out the connectivity, which the optimised mesh has too, and what
+/// concerns several runs together: `before`, `left`, `seconds`. There are also bytes for no result, if the mesh was
+/// refused.
 std::vector<char> keep_result(std::optional<Result>& result);
 
 /// Whether the bytes were those of a result for this mesh. If so, sets `result` to it.

@@ -14,8 +14,8 @@
 
 namespace varimesh {
 
-/// What each run of a sequence is asked, if the sequence is asked this: the same, but for checkpoints, which the
-/// sequence makes, and with patches of one layer.
+/// The control of each run of a sequence with this control: the same, except that the sequence makes the checkpoints,
+/// and that patches have one layer.
 RunControl control_of_each_run(const RunControl& asked);
 
 /// Runs that a caller sees as one: iterations are numbered through, and the limits are for all of them together. The

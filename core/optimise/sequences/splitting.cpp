@@ -178,7 +178,7 @@ void say_what_is_left(Result& result, Repair repair, bool stopped, bool out_of_w
     RepairStep step;
     step.elements = triangles;
     step.sentence = "No swap or collapse of an edge helped " + elements_text(triangles, "triangle", "triangles") +
-                    "; that no series of them would is not proved.";
+                    ". A series of swaps and collapses might.";
     steps.push_back(std::move(step));
   }
   if (!owners.empty())
@@ -186,11 +186,10 @@ void say_what_is_left(Result& result, Repair repair, bool stopped, bool out_of_w
                               "; mesh the boundary anew there, or refine it."));
   const std::string ended = out_of_work ? " Splits have used up their share of the work." : "";
   if (!in_vain.empty())
-    steps.push_back(
-        left_step(in_vain, "Splits beside ", " were not enough; that no others would be is not proved." + ended));
+    steps.push_back(left_step(in_vain, "Splits beside ", " were not enough. Other splits might be." + ended));
   if (!untouched.empty())
     steps.push_back(left_step(untouched, "No interior edge or face could be split to help ",
-                              ": those in question are fixed or flat, or have room already." + ended));
+                              ": each one is fixed, flat, or has room already." + ended));
 }
 
 /// With Repair::Topology: changes how the elements around those that are left are connected, and optimises the mesh

@@ -20,9 +20,8 @@ namespace varimesh {
 /// 4. If elements are left that are not certified valid: in the mesh as it was before step 3, splits the groups at
 ///    their corners with J ≤ 0 whatever their margin. Then step 3 starts again. There are at most four such rounds, and
 ///    a round that leaves no fewer elements that a split might help is the last.
-///
 /// 5. With Repair::Topology: swaps and collapses edges and faces around what is left (swap_left.h), and optimises
-/// again.
+///    again.
 ///
 /// The best mesh of these is kept, by what the options ask for (core/merit/merit.h). If it has uncertified elements
 /// without a folded boundary face, the mesh is also optimised without a split. If that, or step 1, leaves no more of
@@ -30,9 +29,9 @@ namespace varimesh {
 /// Work is counted in visits of free nodes, so it does not depend on the machine. The options' limits of time and
 /// iterations are for everything together. Elements with a folded boundary face are never split for their own sake.
 ///
-/// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
-/// together or a stop kept it from going on, the reason is that limit or stop. The meter is told the groups that each
-/// look has found. It ends: there are at most eight passes per round.
+/// The stop reason is the stop reason of the run whose mesh is the result. But if elements are left, and a limit for
+/// everything together or a stop kept this from going on, the reason is this limit or stop. The meter is told the
+/// groups that each look has found. All this ends: there are at most eight passes per round.
 ///
 /// A checkpoint has the results of the runs before, so that only the looks for splits between them are computed again.
 ///

@@ -16,10 +16,10 @@ struct Way {
   const char* name;
 };
 
-/// In the order in which they are tried. None of them makes all meshes valid that another does: the hyperelastic energy
-/// does in thin layers, Winslow's and the distortion at re-entrant corners, and ideal targets where straight-sided
-/// cells are tangled. The constants of the reference lower the loss of a valid mesh from which the descent finds no
-/// way.
+/// In the order in which they are tried. No way makes all meshes valid that another way makes valid: the hyperelastic
+/// energy helps in thin layers, Winslow's and the distortion energy at re-entrant corners, and ideal targets where
+/// straight-sided cells are tangled. The constants of the reference lower the loss of a valid mesh from which the
+/// descent finds no way.
 inline constexpr std::array kWays{
     Way{Objective::Auto, Energy::Hyperelastic, Constants::Standard, Target::StraightSided, "the default objective"},
     Way{Objective::Energy, Energy::Hyperelastic, Constants::Standard, Target::StraightSided,

@@ -13,8 +13,8 @@
 namespace varimesh::multigrid {
 
 /// A symmetric matrix A. Entries off the diagonal are kept in single precision. Each diagonal entry is kept in double
-/// precision and takes up what rounding the others of its row has changed, so that the sum of each row is the one of
-/// the matrix that it came from: rounding leaves A times a constant vector as it was, and changes the energy xᵀAx by a
+/// precision, and makes up for the rounding of the other entries of its row, so that each row has the same sum as in
+/// the matrix from which it came: rounding leaves A times a constant vector as it was, and changes the energy xᵀAx by a
 /// sum of squares of differences, each weighted by at most 6e-8 of an entry.
 ///
 /// A row whose diagonal entry is not positive and finite is left out: the inverse of its diagonal entry is 0, and so

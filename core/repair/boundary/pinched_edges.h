@@ -23,15 +23,15 @@ namespace varimesh {
 struct PinchedEdge {
   struct Side {
     int surface = -1;                      ///< Index in Association::geometry.surfaces.
-    int entity = 0;                        ///< Of the mesh, that of the elements on this side.
+    int entity = 0;                        ///< The mesh's entity of the elements on this side.
     std::array<std::int32_t, 2> apexes{};  ///< The third vertices of the two surface elements.
     std::vector<std::int32_t> beside;      ///< The other vertices of all elements on this side, as split() takes them.
   };
   std::array<Side, 2> sides;
 };
 
-/// Those of a mesh of tetrahedra whose cells lie outside of what is between the sides. Edges on which an element of
-/// dimension 1 lies are none.
+/// The pinched edges of a mesh of tetrahedra, if its cells lie outside the gap between the two sides. An edge on which
+/// an element of dimension 1 lies does not count.
 /// @param parts  of the mesh
 std::map<SplitPlace, PinchedEdge> pinched_edges(const HighOrderMesh& mesh, const Association& association,
                                                 const detail::MeshParts& parts, const Cells& cells,

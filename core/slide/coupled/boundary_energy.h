@@ -54,8 +54,8 @@ class BoundaryEnergy {
   /// By rank: the directions in which the node may move, as columns of length 1; those left are zero.
   std::vector<Eigen::Matrix3d> directions() const;
   /// Adds the energy's gradient to `gradient` (3 per rank), and returns the positive part of its Hessian (3 rows per
-  /// rank), which has only nodes that slide, in their directions. It has the curvature of the entities as well, for
-  /// which `gradient` must be that of all other energies. The matrix stays until the next call.
+  /// rank), which has only nodes that slide, in their directions. It has the curvature of the entities as well. For
+  /// this, `gradient` must be the gradient of all other energies on entry. The matrix stays until the next call.
   const Matrix& linearise(double delta, double factor, bool positive, const std::vector<Eigen::Matrix3d>& directions,
                           std::vector<double>& gradient);
 

@@ -253,15 +253,15 @@ std::string CoupledReport::sentence() const {
   };
   const std::string moved = "moved together for " + std::to_string(steps) + (steps == 1 ? " step" : " steps");
   if (outcome == Outcome::NoTime)
-    return "The time was over while all nodes moved together, so the boundary stays as it slid.";
+    return "The time was over while all nodes moved together, so the boundary stays where sliding left it.";
   if (outcome == Outcome::TooFar)
     return "All nodes " + moved +
-           ", but no mesh on the way was within the limits of distance, so the boundary stays as it slid.";
+           ", but no mesh on the way was within the limits of distance, so the boundary stays where sliding left it.";
   if (outcome == Outcome::NoBetter)
-    return "All nodes " + moved + ", but that made the mesh no better, so the boundary stays as it slid.";
+    return "All nodes " + moved + ", but that made the mesh no better, so the boundary stays where sliding left it.";
   return "Then all nodes " + moved + ". Before the optimisation, " + elements(left_after) +
          " not certified valid in this mesh, and " + std::to_string(left_before) +
-         " in the one with the boundary as it slid.";
+         " with the boundary where sliding left it.";
 }
 
 namespace {

@@ -31,9 +31,9 @@ struct CoupledReport {
 
 /// How far and how long all nodes may move together.
 struct CoupledLimits {
-  double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
-  /// After this many seconds, those of bottom-up sliding included, no further step begins. The last state is then held
-  /// back within the limits of distance, and the best state so far is taken. 0: no limit.
+  double tolerance = 0;  ///< Of distances, in the mesh's unit of length; 0: twice the distances in the mesh as it came.
+  /// After this many seconds, the seconds of bottom-up sliding included, no further step begins. The last state is then
+  /// held back within the limits of distance, and the best state so far is taken. 0: no limit.
   double seconds = 0;
 };
 
@@ -57,10 +57,10 @@ struct CoupledLimits {
 /// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
 /// certified valid, or as many of both with a larger smallest and mean scaled Jacobian, each after nodes inside the
 /// mesh have moved. They also go back if as many cells are weak and some are not certified valid: that a few of them
-/// are hardly valid now is worth nothing, and would keep a split from making room. Nodes of the boundary lie on
-/// their entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end
-/// it. Do not call it inside team.run(). Throws Interrupted if the work is to stop while nodes slide bottom-up, or if
-/// the caller asks for it later. If the time of the team's token is over later, the boundary stays as it slid.
+/// are hardly valid now is worth nothing, and would keep a split from making room. Nodes of the boundary lie on their
+/// entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end it.
+/// Do not call it inside team.run(). Throws Interrupted if the work is to stop while nodes slide bottom-up, or if the
+/// caller asks for it later. If the time of the team's token is over later, the boundary stays where sliding left it.
 ///
 /// @param coupled  what came of the second part
 SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,

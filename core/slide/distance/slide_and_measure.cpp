@@ -23,8 +23,8 @@ std::ptrdiff_t uncertified(const HighOrderMesh& mesh, const Team& team) {
 }
 
 std::string as_it_came_text(std::ptrdiff_t count) {
-  return "As the mesh came, " + std::to_string(count) + (count == 1 ? " element was" : " elements were") +
-         " not certified valid. The figures before the optimisation are those of the mesh after sliding.";
+  return "In the input, " + std::to_string(count) + (count == 1 ? " element was" : " elements were") +
+         " not certified valid. The figures before the optimisation describe the mesh after sliding.";
 }
 
 }  // namespace

@@ -40,8 +40,8 @@ Expected<void> check_order(const HighOrderMesh& mesh, int order) {
                       ".");
   if (mesh.order != 1)
     return bad_input("The mesh has order " + std::to_string(mesh.order) +
-                     ", but only a mesh of order 1 can be curved; optimise a mesh that is curved already on its "
-                     "geometry.");
+                     ", but only a mesh of order 1 can be curved. A mesh that is curved already can be optimised "
+                     "with its geometry.");
   return {};
 }
 

@@ -45,9 +45,9 @@ struct DescentContext {
   const Certifier& certifier;
   const Team& team;
   Asked asked;              ///< asked_by() the options of the run.
-  bool came_valid = false;  ///< `mesh` was valid, and the loss must not end above the one that it had.
-  /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
-  /// smaller mean. Null: there is no such demand.
+  bool came_valid = false;  ///< `mesh` was valid, so the loss must not end above the loss of `mesh`.
+  /// The quality of `mesh`. The best mesh does not have both a smaller minimum of the scaled Jacobian than this, by
+  /// more than 0.001, and a smaller mean. Null: the best mesh may have both.
   const QualityReport* least = nullptr;
   /// By cell: the factor by which ε_e is raised at the beginning. Empty: 1.
   std::vector<double> factors = {};
@@ -56,7 +56,8 @@ struct DescentContext {
   device::RunDevice* device = nullptr;
   /// Samples cells (certified_quality.h); may be null.
   detail::SamplesElsewhere* samples = nullptr;
-  /// Share the steps, and have the same context otherwise; null: there are none. There is no device then, and no token.
+  /// The ranks that share the steps; otherwise all ranks have the same context. With ranks there is no device and no
+  /// token. Null: there are no ranks.
   const Ranks* ranks = nullptr;
 };
 
@@ -66,7 +67,8 @@ struct DescentRound {
                                  ///< cells around it (sizes.h).
   double relative_gradient = 0;  ///< The norm of the last gradient relative to the first one of the descent.
   double energy = 0;             ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
-  /// At the quadrature points; if cells have lost their certificate and gone back, at least what is proved of the mesh.
+  /// The smallest one at the quadrature points; if cells have lost their certificate and gone back, at least the proved
+  /// minimum of the mesh.
   double min_scaled_jacobian = 0;
   int steps = 0;           ///< Products of the second derivative.
   bool on_device = false;  ///< A device has made steps of it.
@@ -78,44 +80,47 @@ struct DescentRound {
 ///     Q(x) + 1/N Σ_e ε_e [1/V_e ∫_e W(F) + 10 mean over the vertices v of e of |x_v − X_v|²/h_e²],
 ///
 /// Q being the squared local loss of accuracy (modal_form.h), N the number of cells, V_e their volumes and h_e their
-/// heights. Q alone keeps no cell valid; the energy does, as a barrier. Q does not know where vertices are. The last
-/// term keeps them near X_v, where they were at the beginning, so what is far from a node does not move it. ε_e is the
-/// squared loss of the cells around (loss_around.h) times a constant, so it falls from round to round, and cells far
-/// away do not change it.
+/// heights. Q alone keeps no cell valid; the energy keeps cells valid, as a barrier. Q does not know where vertices
+/// are. The last term keeps vertices near X_v, their places at the beginning, so what is far from a node does not move
+/// it. ε_e is the squared loss of the cells around (loss_around.h) times a constant, so it falls from round to round,
+/// and cells far away do not change it.
 ///
 /// A round takes one Newton step with given ε_e and with Q's frames taken from the mesh at its beginning, and more
-/// steps while nodes still move far. The rounds end when what is left moves no node by a thousandth of a cell, or when
-/// no loss is left that is worth a move. After a round, the cells whose scaled Jacobian is too low take four times
-/// their ε_e. docs/accuracy.md has the figures.
+/// steps while nodes still move far. The rounds end when all further rounds together would move no node by a thousandth
+/// of a cell, or when no loss is left that is worth a move. After a round, the cells whose scaled Jacobian is too low
+/// take four times their ε_e. docs/accuracy.md has the figures.
 ///
-/// Q knows the frames at the beginning of a round only. If the loss has risen by much at its end, as it does in thin
-/// cells that move far, the mesh goes back to that beginning and ε_e becomes larger in all cells.
+/// Q knows only the frames at the beginning of a round. If the loss has risen by much at the end of the round, as it
+/// does in thin cells that move far, the mesh goes back to the beginning of the round, and ε_e becomes larger in all
+/// cells.
 ///
 /// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. If the rounds
 /// end like that below the bound on the scaled Jacobian, more rounds follow, in which such cells are first raised in
 /// small patches (kept_raiser.h). The best mesh so far is kept whatever the rounds after it do.
 ///
-/// The steps are made on the context's device, if it has one; all between two rounds is done on the processor. After a
-/// fault of the device the step is made once more on the processor, and so are all that follow.
+/// The steps are made on the context's device, if it has one; all work between two rounds is done on the processor.
+/// After a fault of the device, this step and all further steps are made on the processor.
 ///
-/// With ranks, each of them has the whole problem and works on a part of it in a step. All call all functions together,
-/// and all have the same results, with the bits of a descent without ranks. All between two rounds is done by each.
+/// With ranks, each rank has the whole problem and works on a part of it in a step. All ranks call all functions
+/// together, and all have the same results, with the bits of a descent without ranks. Each rank does all work between
+/// two rounds.
 class Descent {
  public:
-  /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
-  /// The team's token may interrupt all of them.
+  /// problem.positions are the positions of the guard's kept state. Call the constructor inside team.run(), and all
+  /// other functions outside. The team's token may interrupt all of them.
   explicit Descent(const DescentContext& context);
   Descent(const Descent&) = delete;
   Descent& operator=(const Descent&) = delete;
   ~Descent();
 
-  /// Takes the mesh as it is for the best, or the mesh as it came, if it was valid and the energy has raised its loss.
-  /// Call it before the first round. False if there is no loss to lower: the elements are straight-sided, or the mesh
-  /// came in valid and its curvature costs a solver next to nothing beside the size of the cells, or the mesh keeps
-  /// invalid cells and its curvature costs less than half of what the size does (has_loss.h).
+  /// Makes the mesh as it is the best mesh so far, or the mesh as it came if that one is better. Call it before the
+  /// first round. False if there is no loss to lower: the elements are straight-sided, or the mesh came in valid and
+  /// its curvature costs a solver next to nothing beside the size of the cells, or the mesh keeps invalid cells and its
+  /// curvature costs less than half of what the size does (has_loss.h).
   bool begin();
 
-  /// The rounds end when what is left moves no node by more than this, in units of the size of the cells around it.
+  /// The rounds end when all further rounds together would move no node by more than this, in units of the size of the
+  /// cells around the node.
   static constexpr double kSettled = 1e-3;
 
   /// What to say if begin() returns false and the best mesh keeps invalid cells.

@@ -24,12 +24,12 @@ namespace varimesh {
 /// invalid is not allowed.
 ///
 /// With the part that a rank has of a whole problem, the rank's own free nodes are the unknowns here. All ranks call
-/// all functions together. They get the same numbers, and each its own unknowns with the bits that they have without
+/// all functions together. They get the same numbers, and each rank gets its own unknowns with the same bits as without
 /// ranks. The positions of the part's other nodes follow.
 class LossObjective final : public Minimised {
  public:
-  /// All arguments are kept by reference but `material`, the energy's. `part`: null, or what `problem` is the problem
-  /// of.
+  /// All arguments are kept by reference, except for `material`, which is the energy's. `part`: the part whose problem
+  /// `problem` is; null: `problem` is a whole problem.
   LossObjective(Problem& problem, CellEnergy& energy, ModalForm& form, OrderLevels& levels, const Material& material,
                 const Team& team, const ProblemPart* part = nullptr);
 
@@ -39,7 +39,7 @@ class LossObjective final : public Minimised {
   /// By free node: the factor of |x − X|² that follows; 0 if it is no vertex.
   std::span<const double> hold() const { return hold_; }
 
-  /// To be called after the form has taken other frames, or nodes were moved by somebody else.
+  /// Call it after the form has taken other frames, or somebody else has moved nodes.
   void forget_form() { has_form_ = false; }
   /// The form at problem.positions. Sets ModalForm::squared_losses().
   double form();

@@ -10,7 +10,7 @@ namespace varimesh {
 
 /// Watches the lowest scaled Jacobian of a stage. At a large λ the first few Newton steps do most of the raising, at a
 /// few products each. The optimum itself takes many times as many products, and its lowest scaled Jacobian is often
-/// below that of the meshes on the way. So a stage ends when full steps no longer raise the minimum.
+/// below the lowest scaled Jacobian of meshes on the way. So a stage ends when full steps no longer raise the minimum.
 ///
 /// An iteration does not count while the energy still falls fast or if only a part of the Newton step was taken: the
 /// mesh is then still far from where the stage leads, and its minimum goes up and down.

@@ -12,13 +12,13 @@
 
 namespace varimesh {
 
-/// What MeshObjective is, with its vectors and everything that is done to them on a device. Only the numbers of the
-/// cells' energies come back in a step, the positions at its end, and the cells' mean tensors when the preconditioner
-/// is made anew: multigrid and the factors of stretched cells are set up on the processor. The same device computes the
-/// same bits in every run; all devices do.
+/// Like MeshObjective, but the vectors are on a device, and so is everything that is done to them. Only the numbers of
+/// the cells' energies come back in a step, the positions at its end, and the cells' mean tensors when the
+/// preconditioner is made anew: multigrid and the factors of stretched cells are set up on the processor. All devices
+/// compute the same bits, in every run.
 class DeviceObjective final : public MinimisedOnDevice<device::VectorArguments> {
  public:
-  /// Throws DeviceFailed. All arguments are kept by reference, but for the material and the norm.
+  /// Throws DeviceFailed. All arguments are kept by reference, except for the material and the norm.
   DeviceObjective(device::Device& device, Problem& problem, const Kernels& kernels, const HessianKernels& hessian,
                   const Material& material, const PNorm& norm, const Team& team);
 

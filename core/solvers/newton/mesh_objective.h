@@ -19,14 +19,15 @@ namespace varimesh {
 /// Expects the δ of the cells to be up to date (Sweeper::scan).
 ///
 /// With the part that a rank has of a whole problem, the rank's own free nodes are the unknowns here. All ranks call
-/// the functions of Minimised together. They get the same numbers, and each its own unknowns with the bits that they
-/// have without ranks. The positions of the part's other nodes follow. The token interrupts all ranks at the same sum.
+/// the functions of Minimised together. They get the same numbers, and each rank gets its own unknowns with the same
+/// bits as without ranks. The positions of the part's other nodes follow. The token interrupts all ranks at the same
+/// sum.
 class MeshObjective final : public Minimised {
  public:
   MeshObjective(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
                 const Team& team)
       : MeshObjective(problem, kernels, hessian, norm, team, nullptr) {}
-  /// Of a part.
+  /// The objective of a rank's part.
   MeshObjective(ProblemPart& part, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
                 const Team& team)
       : MeshObjective(part.problem, kernels, hessian, norm, team, &part) {}

@@ -19,20 +19,20 @@ namespace varimesh {
 /// line search never makes a valid cell invalid.
 class Newton {
  public:
-  /// Of the Hessian and a direction, per step. Usual steps need 5 to 60, and 400 at λ = 640. If a step needs more than
-  /// this, the preconditioner does not fit the energy.
+  /// The most products of the Hessian and a direction in a step. Usual steps need 5 to 60 products, and 400 at λ = 640.
+  /// If a step needs more than this, the preconditioner does not fit the energy.
   static constexpr int kMostProducts = 1000;
 
   /// `tolerance`: the residual at which the run will end. Steps are solved as tightly as is useful to get there.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
-  /// The same on the run's device, as long as it has one. After a fault the step is made once more on the processor,
-  /// and so are all that follow.
+  /// The same on the run's device, as long as it has one. After a fault, this step and all further steps are made on
+  /// the processor.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team, device::RunDevice& device, const Material& material);
-  /// The same by these ranks, each of which has the whole problem and works on a part of it. All call step() together,
-  /// and afterwards all have the positions of all nodes and the scans of all cells, with the bits of a Newton without
-  /// ranks. The team's token is one of all ranks (core/ranks/stop_together.h), or there is none.
+  /// The same, shared by these ranks. Each rank has the whole problem and works on a part of it. All ranks call step()
+  /// together, and afterwards all have the positions of all nodes and the scans of all cells, with the bits of a Newton
+  /// without ranks. The team's token is one of all ranks (core/ranks/stop_together.h), or there is none.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team, const Ranks& ranks);
   Newton(const Newton&) = delete;

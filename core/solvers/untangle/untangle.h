@@ -39,8 +39,8 @@ class Untangler {
  public:
   static constexpr std::int64_t kUnlimited = std::int64_t{1} << 62;
 
-  /// Layers of cells around the uncertified ones: at first, and for cells that are left over. `stretched`: around
-  /// those of the left ones that are stretched.
+  /// How many layers of cells a patch has around an uncertified cell: in the first try, in the second try, and in the
+  /// second try around a stretched cell.
   struct Depth {
     int first = 1, second = 2, stretched = 4;
   };

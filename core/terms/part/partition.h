@@ -10,8 +10,8 @@
 
 namespace varimesh {
 
-/// A division of a problem's cells and free nodes among ranks. It goes by whole blocks of Reduction::kBlock cells of a
-/// set and of as many free nodes, so that the ranks add up the sums of blocks that one rank has.
+/// A division of a problem's cells and free nodes among ranks. A rank gets whole blocks of Reduction::kBlock cells of a
+/// set, and of as many free nodes, so that all ranks together add up the same sums of blocks as one rank.
 struct Partition {
   int ranks = 1;
   std::vector<std::vector<std::int32_t>> cell_blocks;  ///< By set and block: the rank that works on these cells.
@@ -24,8 +24,8 @@ struct Partition {
 };
 
 /// Gives each rank a range of the clusters with an equal share of the work, the quadrature points times the nodes of
-/// the cells; a block of cells goes to the rank of its middle cell's cluster, and a block of nodes to that of the first
-/// cell of its middle node. A mesh of few cells leaves some ranks without any.
+/// the cells; a block of cells goes to the rank of its middle cell's cluster, and a block of nodes to the rank of the
+/// first cell of its middle node. In a mesh of few cells, some ranks get none.
 Partition partition(const Problem& problem, int ranks);
 
 }  // namespace varimesh

@@ -31,9 +31,9 @@ struct ProblemShare {
 ///
 /// The first CellSet::count cells of a set are those that the rank works on, in the order of the whole problem. The
 /// arrays of a set go on after them, from the next multiple of kBatch, with the ghosts: cells of other ranks at nodes
-/// that this rank owns. Problem::free has the nodes that the rank owns, in the order of the whole problem, and then
-/// those of others that its cells have. `incidences` are those of its own nodes, ghosts among them, in the order of the
-/// cells of the whole problem. So a sum over the cells of a node has the same terms in the same order with any number
+/// that this rank owns. Problem::free has the nodes that the rank owns, in the order of the whole problem, and then the
+/// nodes of its cells that other ranks own. `incidences` lists the cells of each own node, ghosts included, in the
+/// order of the whole problem. So a sum over the cells of a node has the same terms in the same order with any number
 /// of ranks.
 struct ProblemPart {
   const Problem* whole = nullptr;  ///< What it is a part of. It must outlive the part.

@@ -30,7 +30,7 @@ device::Possible<std::unique_ptr<device::Device>> DeviceOfWorker::open() {
   if (!open_only_files_of_the_driver())
     return device::fault(
         Fault::Kind::NoDriver,
-        "Jobs have no device on this machine, because its kernel cannot keep them from files (Landlock, "
+        "Jobs have no device on this machine, because its kernel cannot keep jobs from files (Landlock, "
         "Linux 5.13).");
   has_opened_driver_ = true;
   driver_ = device::Driver::open();

@@ -258,7 +258,7 @@ Answer<std::unique_ptr<SharedMeshStore>> open_shared_directory(const std::string
   for (std::filesystem::directory_iterator at(directory, error), end; !error && at != end; at.increment(error))
     if (const auto ending = at->path().extension(); ending == ".zst" || ending == ".owners")
       return directory_unusable("The directory '" + directory +
-                                "' has meshes in the form of a server that shares them with none (*" + ending.string() +
+                                "' has meshes in the form of a server that does not share them (*" + ending.string() +
                                 "); choose another directory (--meshes).");
   return std::make_unique<SharedMeshStore>(std::make_unique<SharedDirectory>(directory, scratch),
                                            SharedMeshSettings{std::move(settings)}, std::move(needed));

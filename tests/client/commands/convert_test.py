@@ -150,7 +150,8 @@ class Convert(WithFolder):
                       run("optimise", bent, "-o", out, "--keep-orders").stderr)
         self.assertIn("has no such elements beside others", run("optimise", two, "-o", mfem, "--keep-orders").stderr)
         self.assertIn("so there are no orders to keep", run("optimise", MESH, "-o", out, "--keep-orders").stderr)
-        self.assertIn("No element keeps its own order, because all get order 3. Without an order for the result, they keep it.",
+        self.assertIn("No element keeps its own order, because all get order 3. Without an order for the result, elements keep "
+                      "their own orders.",
                       run("optimise", two, "-o", out, "--keep-orders", "--order", "3").stderr)
         self.assertNotIn("keeps its own", run("optimise", two, "-o", out, "--keep-orders", "--order", "2").stderr)
 

@@ -53,7 +53,7 @@ class Layers(WithFolder):
         done = self.split("--heights", "1e-3,2e-3")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertRegex(done.stdout, r"(?m)^layers +2 above 2 wall elements, first height 0.001, growth 2, highest 0.002; "
-                                      r"what was left of the thick cells is one more cell$")
+                                      r"the rest of each thick cell is one more cell$")
         self.assertRegex(done.stdout, r"(?m)^elements +2 before, 6 after$")
 
     def test_takes_the_first_height_from_a_reynolds_number(self):
@@ -126,7 +126,7 @@ class InARun(WithServer):
         report = self.folder / "report.html"
         done = self.optimise("--reynolds", 1e5, "--length", 1, "--layers", 5, "--report", report)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("y+ is 1 at the height", done.stderr)
+        self.assertIn("high, where y+ is 1", done.stderr)
         self.assertRegex(done.stdout, r"(?m)^ +before +after +layers$")
         self.assertRegex(done.stdout, r"(?m)^layers +5 above 2 wall elements, first height")
         self.assertIn("5 above 2 wall elements", report.read_text())
@@ -150,7 +150,7 @@ class InARun(WithServer):
         self.assertEqual(run("quality", self.out, "--certify").returncode, 0)
         done = run("layers", self.mesh, "-o", self.out, "--wall", "wall", "--grow", 0.1, "--layers", 3, "--growth", 2)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertRegex(done.stdout, "(?m)^grown +0.1 thick, 100 % of the walls with all of it$")
+        self.assertRegex(done.stdout, "(?m)^grown +0.1 thick; 100 % of the walls have the full thickness$")
 
     def test_the_files_mark_where_a_layer_that_grew_is_thinner(self):
         marked = self.folder / "marked.vtu"

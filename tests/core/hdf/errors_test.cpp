@@ -48,7 +48,7 @@ TEST(HoprErrors, AreSaid) {
   says("f[\"GlobalNodeIDs\"][3] = 100000", "has the number 100000, but nodes are numbered 1 to");
   says("f[\"GlobalNodeIDs\"][3] = 0", "has the number 0");
   says("f[\"ElemInfo\"][0, 0] = 207", "has the element type 207, which HOPR does not know (row 1, counted from 1)");
-  says("f[\"ElemInfo\"][1, 5] += 1", "other rows of nodes");
+  says("f[\"ElemInfo\"][1, 5] += 1", "too few rows of nodes");
   says("f[\"ElemInfo\"][0, 3] += 1", "hanging nodes");
   says("f[\"ElemInfo\"][1, 1] = -4", "the zone -4");
   says("f[\"NodeCoords\"][2, 0] += 1", "has a node at another place");
@@ -57,7 +57,7 @@ TEST(HoprErrors, AreSaid) {
   says("f[\"SideInfo\"][0, 4] = 9", "names the boundary condition 9, but they are 1 to 6");
   says("f[\"SideInfo\"][:, 4] = 0", "neither a neighbour nor a boundary condition");
   says("f.attrs[\"Ngeo\"] = 11", "is 11; VariMesh takes orders from 1 to 10");
-  says("f.attrs[\"Ngeo\"] = 3", "other rows of nodes");
+  says("f.attrs[\"Ngeo\"] = 3", "too few rows of nodes");
   says("del f[\"NodeCoords\"]", "'/NodeCoords' is missing");
   says("del f[\"BCType\"]; f[\"BCType\"] = np.zeros((2, 4), \"i4\")", "not four for each of the 6 names");
   says("x = f[\"NodeCoords\"][:-1]; del f[\"NodeCoords\"]; f[\"NodeCoords\"] = x", "rows, but the elements have 54");

@@ -163,37 +163,55 @@ TEST(Merit, TheOptionsSayWhatIsAskedFor) {
 
 // ===== the error in layers =====
 
-QualityReport with_error_in_layers(double error) {
+/// The errors of four profiles in layers.
+QualityReport with_errors_in_layers(std::vector<double> of_profiles) {
   QualityReport report;
-  report.in_layers = LayerError{error, 8};
+  report.in_layers = LayerError{1, 8, std::move(of_profiles)};
   return report;
 }
 
-TEST(LosesLayers, IfTheErrorRises) {
-  const QualityReport came = with_error_in_layers(1);
-  for (const double thinnest : {0.01, 0.3}) {
-    EXPECT_TRUE(loses_layers(came, with_error_in_layers(1.03), {}, thinnest));
-    EXPECT_FALSE(loses_layers(came, came, {}, thinnest));
-    EXPECT_FALSE(loses_layers(came, with_error_in_layers(0.5), {}, thinnest));
-    EXPECT_TRUE(loses_layers(came, {}, {}, thinnest)) << "it is not known any more";
-    EXPECT_FALSE(loses_layers({}, with_error_in_layers(1), {}, thinnest)) << "there were no layers";
-  }
+TEST(LosesLayers, IfTheErrorOfOneProfileRises) {
+  const QualityReport came = with_errors_in_layers({0.2, 0.1, 0.03, 0.01});
+  EXPECT_FALSE(loses_layers(came, came, {}));
+  EXPECT_FALSE(loses_layers(came, with_errors_in_layers({0.2, 0.1, 0.01, 0.0101}), {}));
+  EXPECT_TRUE(loses_layers(came, with_errors_in_layers({0.1, 0.05, 0.01, 0.0103}), {})) << "the mean has fallen";
+  EXPECT_TRUE(loses_layers(came, with_errors_in_layers({0.1, 0.05, 0.01, 0.0101}), {}, 1));
+  EXPECT_TRUE(loses_layers(came, with_errors_in_layers({0.1, 0.05}), {})) << "two are not known any more";
+  EXPECT_TRUE(loses_layers(came, {}, {})) << "none is known any more";
+  EXPECT_FALSE(loses_layers({}, came, {})) << "there were no layers";
 }
 
-TEST(LosesLayers, IfItChangesByLittleInThinOnes) {
-  for (const double error : {1.01, 0.98, 0.75}) {
-    EXPECT_TRUE(loses_layers(with_error_in_layers(1), with_error_in_layers(error), {}, 0.01)) << error;
-    EXPECT_FALSE(loses_layers(with_error_in_layers(1), with_error_in_layers(error), {}, 0.3)) << error;
-  }
+TEST(LosesLayers, NothingIfAllIsRounding) {
+  EXPECT_FALSE(loses_layers(with_errors_in_layers({1e-13}), with_errors_in_layers({3e-13}), {}));
 }
 
 TEST(LosesLayers, UnlessTheirSpacingIsToChangeOrTheMeshCameInvalid) {
   Options even;
   even.layer_spacing = LayerSpacing::Even;
-  EXPECT_FALSE(loses_layers(with_error_in_layers(1), with_error_in_layers(2), even, 0.01));
-  QualityReport invalid = with_error_in_layers(1);
+  EXPECT_FALSE(loses_layers(with_errors_in_layers({1}), with_errors_in_layers({2}), even));
+  QualityReport invalid = with_errors_in_layers({1});
   invalid.uncertified.resize(1);
-  EXPECT_FALSE(loses_layers(invalid, with_error_in_layers(2), {}, 0.01));
+  EXPECT_FALSE(loses_layers(invalid, with_errors_in_layers({2}), {}));
+}
+
+// ===== a mesh on the way to the end of a run =====
+
+TEST(GainsWithoutLoss, IfTheLossFallsAndNothingElseIsLost) {
+  Options options;
+  options.objective = Objective::Accuracy;
+  const auto report = [](double loss, double minimum, double mean, double in_layers) {
+    QualityReport made = with_errors_in_layers({in_layers});
+    made.accuracy = Accuracy{loss, {}};
+    made.min_scaled_jacobian = made.certified.min_scaled_jacobian_lower_bound = minimum;
+    made.mean_scaled_jacobian = mean;
+    made.certified.valid = 8;
+    return made;
+  };
+  const QualityReport came = report(1e-3, 0.4, 0.9, 0.1);
+  EXPECT_TRUE(gains_without_loss(came, report(5e-4, 0.4, 0.9, 0.1), options));
+  EXPECT_FALSE(gains_without_loss(came, report(9.99e-4, 0.4, 0.9, 0.1), options)) << "too little is gained";
+  EXPECT_FALSE(gains_without_loss(came, report(5e-4, 0.3, 0.8, 0.1), options)) << "it costs shape";
+  EXPECT_FALSE(gains_without_loss(came, report(5e-4, 0.4, 0.9, 0.1001), options)) << "it loses in the layers";
 }
 
 }  // namespace

@@ -150,19 +150,25 @@ HighOrderMesh layers_that_follow_a_circle(double growth) {
   return mesh;
 }
 
-// Without this rule the error in layers rose by 11 % with a growth of 2.4.
+// Without this rule a solver's error for an erf rose to 1.5 and 1.7 times the start's, while the mean over all profiles
+// fell.
 TEST(ValidMesh, HoldsNoLessInItsLayers) {
   Options options;
   options.threads = 1;
+  int moved = 0;
   for (const double growth : {1.5, 1.9, 2.2, 2.4}) {
-    const auto result = optimise(layers_that_follow_a_circle(growth), options);
+    const HighOrderMesh mesh = layers_that_follow_a_circle(growth);
+    const auto result = optimise(mesh, options);
     ASSERT_TRUE(result) << result.error().sentence;
     ASSERT_TRUE(result->before.uncertified.empty() && result->before.in_layers && result->after.in_layers) << growth;
-    const double share = result->after.in_layers->error / result->before.in_layers->error;
-    EXPECT_TRUE(share <= 0.5 || std::abs(share - 1) < 1e-6)
-        << growth << ": a solver's error may be higher with " << share;
+    const auto &before = result->before.in_layers->of_profiles, &after = result->after.in_layers->of_profiles;
+    ASSERT_EQ(before.size(), after.size()) << growth;
+    for (std::size_t k = 0; k < before.size(); ++k)
+      EXPECT_LE(after[k], 1.02 * before[k]) << growth << ", profile " << k;
     EXPECT_LE(result->after.accuracy->loss, result->before.accuracy->loss) << growth;
+    moved += result->mesh.coordinates != mesh.coordinates ? 1 : 0;
   }
+  EXPECT_GT(moved, 0);
 }
 
 /// Eight of its elements cannot be repaired.

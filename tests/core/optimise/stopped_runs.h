@@ -13,6 +13,7 @@
 #include "core/mesh/changes/change_order.h"
 #include "core/optimise/optimiser.h"
 #include "core/validity/certificate.h"
+#include "tests/core/layers/layer_meshes.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
@@ -67,6 +68,8 @@ inline std::vector<RunToStop> runs_of_all_phases() {
   add("worst", read_case("nine_triangles.msh"), [](Options& o) { o.objective = Objective::Worst; });
   add("accuracy", read_case("nine_triangles.msh"), [](Options& o) { o.objective = Objective::Accuracy; });
   add("accuracy_of_a_valid_mesh", pushed(Filling::Tetrahedra, {3, 3, 2}, 3, 0.01),
+      [](Options& o) { o.objective = Objective::Accuracy; });
+  add("part_of_the_way", make({Shape::Triangle, 3, 8, 0.135, 1.17, Inside::StraightSided}),
       [](Options& o) { o.objective = Objective::Accuracy; });
   add("raising_a_valid_mesh", pushed(Filling::Pyramids, {3, 3, 2}, 2, 0.02), [](Options& o) {
     o.objective = Objective::Accuracy;

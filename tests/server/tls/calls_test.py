@@ -51,7 +51,7 @@ class Calling(WithCertificates):
             (self.folder / "old" / name).write_bytes((self.certificates / name).read_bytes())
         make(self.folder / "old", "--client", "ann", "--days", "0")
         theirs = f"The certificate of the server at {self.server.address} "
-        ours = f"The server at {self.server.address} wants a certificate of yours that comes from an authority that it knows"
+        ours = f"The server at {self.server.address} asks for a client's certificate that has not expired"
         for what, flags, says in (("no certificate", as_client(self.certificates), ours),
                                   ("wrong authority", as_client(self.other, "ann"), theirs),
                                   ("a certificate of another authority", mixed, ours),
@@ -230,7 +230,7 @@ class CallingFromPython(WithCertificates):
         import varimesh
 
         right = self.files(self.certificates, "ann")
-        ours, theirs = "wants a certificate of yours", "The certificate of the server at"
+        ours, theirs = "asks for a client's certificate", "The certificate of the server at"
         for arguments, says in (({"authority": right["authority"]}, ours), (self.files(self.other, "ann"), theirs),
                                 ({**self.files(self.other, "ann"), "authority": right["authority"]}, ours)):
             begin = time.monotonic()

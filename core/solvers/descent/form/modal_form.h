@@ -26,14 +26,15 @@ namespace varimesh {
 /// At that mesh Q is the squared local loss. Q is quadratic in the positions and the same for each coordinate, and 0
 /// for straight-sided cells, so it does not depend on where vertices are.
 ///
-/// The problem may be the part that a rank has of a whole one. Then all ranks call gradient(), multiply() and
-/// diagonals() together, and each gets the numbers of its own nodes and cells, with the bits that they have without
+/// The problem may be the part that a rank has of a whole problem. Then all ranks call gradient(), multiply() and
+/// diagonals() together, and each rank gets the numbers of its own nodes and cells, with the same bits as without
 /// ranks.
 class ModalForm {
  public:
   /// Takes the frames. `wave` is κ: local_wave() of the mesh. `room`: memory that the form may use, such as
   /// CellEnergy::room(); with less than d numbers per place it takes its own. Call it inside team.run(). All references
-  /// and the room must outlive the form. `part`: null, or what `problem` is the problem of.
+  /// and the room must outlive the form. `part`: the part whose problem `problem` is; null: `problem` is a whole
+  /// problem.
   ModalForm(const Problem& problem, const OrderSpace& space, double wave, const Team& team, std::span<double> room = {},
             const ProblemPart* part = nullptr);
 

@@ -16,16 +16,16 @@ namespace varimesh {
 /// M⁻¹ = Σ_q I_q D_q⁻¹ I_qᵀ, q = 1 … P, in which I_q are the values at the mesh's nodes of a map of order q, and D_q
 /// the diagonal of the second derivative there: the additive method of J. Xu, SIAM Review 34, 1992, with orders in
 /// place of refinements. Parts of low degree s weigh κ^(2(P−s)) times as much as those of degree P (modal_form.h), a
-/// tiny factor on fine meshes. A diagonal at the nodes of order P would not see them. In the space of each
-/// order the form is, up to this factor, like a mass matrix, whose diagonal is a good preconditioner whatever the size
-/// of the cells.
+/// tiny factor on fine meshes. A diagonal at the nodes of order P would not see such parts. In the space of each order
+/// the form is, up to this factor, like a mass matrix, whose diagonal is a good preconditioner whatever the size of the
+/// cells.
 ///
-/// The problem may be the part that a rank has of a whole one. Then all ranks call all functions together, and each
-/// gets the numbers of its own nodes, with the bits that they have without ranks.
+/// The problem may be the part that a rank has of a whole problem. Then all ranks call all functions together, and each
+/// rank gets the numbers of its own nodes, with the same bits as without ranks.
 class OrderLevels {
  public:
   /// `own` is the space of the problem's order. Call it inside team.run(). All references must outlive the object.
-  /// `part`: null, or what `problem` is the problem of.
+  /// `part`: the part whose problem `problem` is; null: `problem` is a whole problem.
   OrderLevels(const Problem& problem, const OrderSpace& own, const Team& team, const ProblemPart* part = nullptr);
 
   /// Takes new diagonals; the arguments are those of ModalForm::diagonals(). apply() overwrites ModalForm::room().
@@ -36,7 +36,7 @@ class OrderLevels {
   const std::vector<std::vector<double>>& inverse_diagonals() const { return inverse_diagonals_; }
 
   /// z = M⁻¹ r, d numbers per free node each. Returns r · z. With ranks, z is set at own nodes. Where another rank owns
-  /// the node, its number replaces what was in r.
+  /// the node, the number of that rank replaces what was in r.
   double apply(std::span<double> r, std::span<double> z);
 
  private:
