@@ -207,8 +207,8 @@ class Measurer {
   /// The profiles above a facet that have not gone where the distance from the wall is at least `nearest`.
   std::vector<Profile> profiles_above(std::int32_t facet, double nearest) const {
     std::vector<Profile> profiles;
-    for (int number = 0; number < 2 * count_[at(facet)]; ++number) {
-      const double delta = std::ldexp(first_[at(facet)], number / 2);
+    for (int number = 0; number < 2 * count_[at(facet)] - 1; ++number) {
+      const double delta = std::ldexp(first_[at(facet)], (number + 1) / 2);
       if (decay(number, nearest / delta).value > kGone) profiles.push_back({delta, number});
     }
     return profiles;
@@ -231,7 +231,7 @@ class Measurer {
       if (k % 2 == 0) squares += missed[k] / all[k];
     }
     if (found.of_profiles.empty()) return std::nullopt;
-    found.error = std::sqrt(2 * squares / static_cast<double>(found.of_profiles.size()));
+    found.error = std::sqrt(squares / static_cast<double>((found.of_profiles.size() + 1) / 2));
     return found;
   }
 

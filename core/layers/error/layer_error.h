@@ -26,7 +26,8 @@ namespace varimesh {
 ///     e_k² = Σ_f δ_k ∫|∇(u_k − I u_k)|² / Σ_f δ_k ∫|∇u_k|²,   e² = mean of e_k² over k.
 ///
 /// Some solutions are nearly linear at the wall and end within a few δ, such as Blasius' profile. A mesh may hold all
-/// exponentials better and these worse. So e_k is also computed for erfc(n/δ_k).
+/// exponentials better and these worse. So e_k is also computed for erfc(n/δ_k), from k = 1 on: erfc(n/h) ends within
+/// the first layer.
 ///
 /// It does not change if the mesh is moved, turned or scaled. The loss of accuracy (core/quality/accuracy) is about
 /// waves and has another opinion about layers: it counts as a loss that an element follows the wall. docs/accuracy.md
@@ -34,7 +35,7 @@ namespace varimesh {
 struct LayerError {
   double error = 0;                 ///< e, of the exponentials only.
   std::int64_t cells = 0;           ///< Elements in layers.
-  std::vector<double> of_profiles;  ///< e_k of exp and of erfc in turn, from the thinnest on.
+  std::vector<double> of_profiles;  ///< e_0 of exp, e_1 of erfc, e_1 of exp, e_2 of erfc, and so on.
 };
 
 /// Nothing if the mesh has no layers of thin elements at a wall, or if the Jacobian of an element in a layer is not
