@@ -130,11 +130,18 @@ class WithFarm(unittest.TestCase):
                               capture_output=True, text=True, timeout=60)
         return [line.split("|") for line in done.stdout.splitlines()]
 
+    def job(self, server, name, seconds=20):
+        """What the page says of a job. The port gives the same answer for a moment, so a new job may not be there yet."""
+        deadline = time.monotonic() + seconds
+        while not (kept := self.jobs(server).get(name)):
+            self.assertLess(time.monotonic(), deadline, f"{name} is not listed\n{''.join(server.log)}")
+            time.sleep(0.05)
+        return kept
+
     def wait_for(self, server, name, state, seconds=60):
         deadline = time.monotonic() + seconds
-        # The port gives the same answer for a moment, so a new job may not be there yet.
-        while (kept := self.jobs(server).get(name, {})).get("state") != state:
-            self.assertNotEqual(kept.get("state"), "failed", kept)
+        while (kept := self.job(server, name))["state"] != state:
+            self.assertNotEqual(kept["state"], "failed", kept)
             self.assertLess(time.monotonic(), deadline, f"{kept}\n{''.join(server.log)}")
             time.sleep(0.05)
         return kept

@@ -100,7 +100,7 @@ class FarmDamage(WithFarm):
         (digest,) = self.digest(job, "mesh")
         self.damage(digest)
         worker = self.worker()
-        while (kept := self.jobs(front)[job])["state"] != "failed":
+        while (kept := self.job(front, job))["state"] != "failed":
             self.assertNotEqual(kept["state"], "succeeded", "it ran on other bytes")
             time.sleep(0.05)
         said = run("watch", job, "--server", front.address)

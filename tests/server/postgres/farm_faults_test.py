@@ -197,7 +197,7 @@ class Faults(WithFarm):
             if poisoned:
                 killer.join(100)
                 ended.set()
-                job = self.jobs(front)[poison]
+                job = self.job(front, poison)
                 self.assertEqual((job["state"], job["attempt"]), ("failed", 3), job)
                 self.assertIn(counted, ([1], [2], [3]))
             wanted = "', '".join(names)

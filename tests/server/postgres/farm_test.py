@@ -65,7 +65,7 @@ class Farm(WithFarm):
     def test_1_any_front_end_answers_for_any_job(self):
         first, second = self.front_end(), self.front_end()
         job = self.ask(first, "submit", MESH)
-        self.assertEqual(self.jobs(second)[job]["state"], "pending", "front ends run no jobs")
+        self.assertEqual(self.job(second, job)["state"], "pending", "front ends run no jobs")
         self.worker()
         self.wait_for(second, job, "succeeded")
         out, local = self.folder / "out.msh", self.folder / "local.msh"
