@@ -42,7 +42,7 @@ TEST(LayerOptions, FitIntoTheLayerThatIsGrown) {
   EXPECT_NE(refusal([](LayerOptions& o) { o.grow = 0.6, o.growth = 2; }).find("Grow a thicker one"), std::string::npos);
   EXPECT_NE(refusal([](LayerOptions& o) { o.grow = 1, o.rows = 2; }).find("Split one"), std::string::npos);
   EXPECT_NE(
-      refusal([](LayerOptions& o) { o.grow = 1, o.layers = 0, o.first = 1e-9, o.growth = 1; }).find("More than 1000"),
+      refusal([](LayerOptions& o) { o.grow = 1, o.layers = 0, o.first = 1e-9, o.growth = 1; }).find("more than 1000"),
       std::string::npos);
   EXPECT_NE(refusal([](LayerOptions& o) { o.first = 0, o.layers = 1000, o.growth = 10; }).find("times as high"),
             std::string::npos);
