@@ -211,7 +211,7 @@ void add_checkpoint_flags(Command command, OptimiseArguments* arguments) {
       .value("FILE");
   command
       .add("--checkpoint-interval", &arguments->checkpoint_interval,
-           "Save the state after an iteration when so many seconds have passed since the last time; 60 by default")
+           "Save the state after the first iteration that ends this long after the last save; 60 by default")
       .value("SECONDS")
       .not_negative();
 }

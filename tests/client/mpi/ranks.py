@@ -26,7 +26,7 @@ def launch(ranks, *arguments, **keywords):
 
 
 def ranks_of(process, count):
-    """The processes that this mpirun has started, as soon as there are so many."""
+    """The processes that this mpirun has started. Waits until there are `count` of them."""
     deadline = time.monotonic() + 30
     while True:
         ranks = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()

@@ -2,44 +2,24 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <ostream>
 #include <string>
 #include <vector>
 
 #include "core/optimise/optimiser.h"
 #include "core/ranks/thread_ranks.h"
-#include "tests/core/support/meshes.h"
+#include "tests/core/optimise/run_on_a_grid.h"
 
 namespace varimesh {
 namespace {
 
 using testing::Filling;
 
-struct KeptCase {
-  const char* name;
-  Filling filling;
-  std::array<int, 3> counts;
-  int order;
-  double shake;  ///< .3 turns cells over
-  Objective objective;
-};
-void PrintTo(const KeptCase& one, std::ostream* out) { *out << one.name; }
+using KeptCase = testing::RunOnAGrid;
 
 class CheckpointOfRanks : public ::testing::TestWithParam<KeptCase> {
  protected:
-  static Options options() {
-    Options options;
-    options.objective = GetParam().objective;
-    options.threads = 1;
-    return options;
-  }
-  static HighOrderMesh mesh() {
-    const KeptCase& one = GetParam();
-    HighOrderMesh mesh =
-        testing::grid(one.filling, one.counts, one.order, testing::bent(testing::is_plane(one.filling) ? 2 : 3));
-    testing::shake(mesh, one.shake, 7);
-    return mesh;
-  }
+  static Options options() { return GetParam().options(); }
+  static HighOrderMesh mesh() { return GetParam().mesh(); }
 
   /// Runs it by so many ranks, and calls check(result) on each.
   template <class Check>

@@ -4,46 +4,25 @@
 #include <cstring>
 #include <functional>
 #include <limits>
-#include <ostream>
 #include <random>
 #include <vector>
 
 #include "core/optimise/optimiser.h"
 #include "core/ranks/thread_ranks.h"
+#include "tests/core/optimise/run_on_a_grid.h"
 #include "tests/core/optimise/stopped_runs.h"
-#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {
 
 using testing::Filling;
 
-struct SharedCase {
-  const char* name;
-  Filling filling;
-  std::array<int, 3> counts;
-  int order;
-  double shake;  ///< .3 turns cells over
-  Objective objective = Objective::Energy;
-  bool has_two_parts = true;  ///< It has enough cells for two ranks.
-};
-void PrintTo(const SharedCase& one, std::ostream* out) { *out << one.name; }
+using SharedCase = testing::RunOnAGrid;
 
 class RunOfRanks : public ::testing::TestWithParam<SharedCase> {
  protected:
-  static Options options() {
-    Options options;
-    options.objective = GetParam().objective;
-    options.threads = 1;
-    return options;
-  }
-  static HighOrderMesh mesh() {
-    const SharedCase& one = GetParam();
-    HighOrderMesh mesh =
-        testing::grid(one.filling, one.counts, one.order, testing::bent(testing::is_plane(one.filling) ? 2 : 3));
-    testing::shake(mesh, one.shake, 7);
-    return mesh;
-  }
+  static Options options() { return GetParam().options(); }
+  static HighOrderMesh mesh() { return GetParam().mesh(); }
 };
 
 SharedCase accurate(const char* name, Filling filling, std::array<int, 3> counts, int order, double shake = 0.003,
